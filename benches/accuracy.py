@@ -121,7 +121,7 @@ def exact_lowest(n: int) -> np.ndarray:
 
 
 def truncation() -> Section:
-    m = mb.examples.chain(10, joint=None)
+    m = mb.examples.chain(10, joint=None, along="x")
     ports = ("B10.force.y", "B5.motion.y")
     frequency = np.linspace(0.5, 15.0, 400)
     lin = mb.linearize(m)

@@ -152,7 +152,7 @@ def sections() -> dict[str, tuple[str, str, Callable[[], Any]]]:
         ),
         "motion-wind-rotor": (
             "Motion: three-bladed rotor with flexible blades and shaft, one turn",
-            "The scene of `examples/wind_rotor.py`: 18 degrees of freedom, weight and tabulated air loads with a kink at every "
+            "The scene of `examples/rotors/wind_rotor.py`: 18 degrees of freedom, weight and tabulated air loads with a kink at every "
             "eighth of a turn. Shaft and blades are stiff against the turning, so that stability sets the explicit steps: their "
             "error is below 1e-8 m whatever is asked. There is no closed form: explicit steps are measured against `bdf` at 1e-12, all "
             "others against explicit steps at 1e-13. No installed peer has the scene: Pinocchio has no flexible bodies, and "

@@ -13,7 +13,7 @@ from typing import Any
 import mbrs as mb
 
 ROOT = Path(__file__).resolve().parent.parent
-sys.path.insert(0, str(ROOT / "tests"))
+sys.path.insert(0, str(ROOT / "tests" / "models"))
 import motion_problems as zoo  # noqa: E402
 
 PROBLEMS = ("double_pendulum", "four_bars", "slider_crank", "five_bar", "chain", "heavy_top", "bushings")

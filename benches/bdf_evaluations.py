@@ -18,7 +18,7 @@ import mbrs as mb
 import numpy as np
 
 ROOT = Path(__file__).resolve().parent.parent
-sys.path.insert(0, str(ROOT / "tests"))
+sys.path.insert(0, str(ROOT / "tests" / "models"))
 import motion_problems as zoo  # noqa: E402
 
 TITLE = "## Motion: evaluations of the forces"

@@ -246,7 +246,7 @@ def _transfer_function(name: str, system: Any) -> Row:
 def sensitivities() -> list[Row]:
     rows = []
     for name, share in (("proportional", 0.0), ("general damping", 0.5)):
-        m = mb.examples.chain(100)
+        m = mb.examples.chain(100, along="x")
         if share:
             for i in range(1, 101, 2):
                 m.set({f"F{i}.c[5]": 0.02})
@@ -334,7 +334,7 @@ def selected(
 
 def of_tests(name: str) -> Any:
     """A module of the tests: benches measure what they prove."""
-    folder = str(Path(__file__).resolve().parent.parent / "tests")
+    folder = str(Path(__file__).resolve().parent.parent / "tests" / "models")
     if folder not in sys.path:
         sys.path.insert(0, folder)
     return importlib.import_module(name)

@@ -3,7 +3,7 @@
     OPENBLAS_NUM_THREADS=1 python benches/motion.py [--write] [name ...]
 
 CPU seconds of this process (one BLAS thread), the best of several repeats; ratios are of runs in this one process. True
-motions are those of tests/motion_problems.py: closed forms, and equations written by hand for DOP853 at 1e-13. ``--write``
+motions are those of tests/models/motion_problems.py: closed forms, and equations written by hand for DOP853 at 1e-13. ``--write``
 puts the table into benches/README.md.
 """
 

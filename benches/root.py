@@ -15,7 +15,7 @@ import mbrs as mb
 import numpy as np
 
 ROOT = Path(__file__).resolve().parent.parent
-sys.path.insert(0, str(ROOT / "tests"))
+sys.path.insert(0, str(ROOT / "tests" / "models"))
 import root_problems  # noqa: E402
 
 TOL = 1e-8

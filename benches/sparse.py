@@ -31,7 +31,7 @@ def row(n: int) -> tuple[mb.Model, np.ndarray]:
 
 
 def beam(n: int) -> tuple[mb.Model, np.ndarray]:
-    """Bodies on bushings, pinned by half cells: a lattice whose waves are exact, see tests/test_sparse_models.py."""
+    """Bodies on bushings, pinned by half cells: a lattice whose waves are exact, see tests/linear/test_sparse_models.py."""
     ks, kr, h, mass, inertia = 1e6, 1e2, 0.2, 1.0, 1e-2
     m = mb.Model("beam")
     bodies = [m.body(f"b{i}", mass=mass, inertia=(inertia,) * 3, at=(i * h, 0, 0)) for i in range(n)]
@@ -52,7 +52,7 @@ def beam(n: int) -> tuple[mb.Model, np.ndarray]:
 
 def hinged(n: int) -> tuple[mb.Model, None]:
     """Rods on lateral hinges with rotational springs; the yardstick is found beside each frequency, see hinges.py."""
-    return mb.examples.chain(n, c=None), None
+    return mb.examples.chain(n, along="x", c=None), None
 
 
 def error_of(omega: np.ndarray, expected: np.ndarray | None, n: int) -> float:

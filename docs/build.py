@@ -15,9 +15,9 @@ TARGET = ROOT / "target"
 CASES = [
     "tests/manual",
     "tests/truth/test_rolling.py",
-    "tests/test_aero_wings.py",
-    "tests/test_aero_momentum.py",
-    "tests/test_nonholonomic.py",
+    "tests/aero/test_wings.py",
+    "tests/aero/test_momentum.py",
+    "tests/motion/test_nonholonomic.py",
 ]
 
 

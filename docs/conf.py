@@ -6,6 +6,7 @@ from pathlib import Path
 
 DOCS = Path(__file__).resolve().parent
 sys.path[:0] = [str(DOCS / "_ext"), str(DOCS.parent / "tests")]
+sys.path.append(str(DOCS.parent / "examples" / "literature"))
 
 import mbrs  # noqa: E402
 

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import re
-from pathlib import Path
+import runpy
 
 import mbrs as mb
 import numpy as np
 import pytest
+from folders import DOCS
 from mbrs._lib import formats
 from mbrs.motion.simulate import METHODS
 from mbrs.motion.trajectory import Trajectory
 
-PAGE_FOLDER = Path(__file__).parents[1] / "docs"
-PAGE = (PAGE_FOLDER / "motion.md").read_text()
+PAGE = (DOCS / "motion.md").read_text()
 
 
 def test_the_page_on_motion_is_true(tmp_path, monkeypatch):
@@ -37,7 +37,7 @@ def test_the_page_on_motion_names_what_exists():
         assert name in fields, name
 
 
-FILES = PAGE_FOLDER / "files.md"
+FILES = DOCS / "files.md"
 
 
 def test_the_page_on_files_is_true(tmp_path, monkeypatch):
@@ -71,7 +71,25 @@ def test_the_table_of_formats_is_complete():
 def test_the_pictures_of_the_conventions_are_drawn(tmp_path, monkeypatch):
     pytest.importorskip("pint")
     monkeypatch.chdir(tmp_path)
-    block = (PAGE_FOLDER / "conventions.md").read_text().split("## Pictures")[1].split("```python\n")[1].split("```")[0]
+    block = (DOCS / "conventions.md").read_text().split("## Pictures")[1].split("```python\n")[1].split("```")[0]
     scope: dict = {}
     exec(block, scope)
     assert (tmp_path / "crane.png").exists() and "wind (force): 80 N, on hook" in (tmp_path / "crane.html").read_text()
+
+
+def test_the_page_on_measurements_is_true(tmp_path, monkeypatch):
+    pytest.importorskip("pyuff")
+    monkeypatch.setenv("MPLBACKEND", "Agg")
+    monkeypatch.chdir(tmp_path)
+    scope: dict = {}
+    for block in (DOCS / "measurements.md").read_text().split("```python\n")[1:]:
+        exec(block.split("```")[0], scope)
+    low, high = scope["fit"].interval(0.999).T
+    assert np.all((low < [1e5, 30.0, 20.0]) & (high > [1e5, 30.0, 20.0])) and scope["fit"].status == "converged"
+    assert scope["both"].checks == () and (tmp_path / "fit.html").exists() and (tmp_path / "both.png").exists()
+    assert scope["best"].status == "converged" and mb.modes(scope["m"]).frequency[0] == pytest.approx(12.0, rel=1e-3)
+
+
+def test_the_picture_of_the_architecture_is_what_its_script_draws():
+    script = runpy.run_path(str(DOCS / "img" / "architecture.py"))
+    assert script["PICTURE"].read_text(encoding="utf-8") == script["picture"]()

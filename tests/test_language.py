@@ -14,8 +14,8 @@ from functools import cache
 from pathlib import Path
 
 import pytest
+from folders import ROOT
 
-ROOT = Path(__file__).resolve().parents[1]
 FOLDERS = ("python/mbrs", "rust/src", "tests", "examples", "benches", "docs")
 KINDS = {".py", ".pyi", ".rs", ".md", ".toml", ".js"}
 THEORY = ROOT / "docs" / "theory.md"

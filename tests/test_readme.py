@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from folders import ROOT
 
-ROOT = Path(__file__).resolve().parent.parent
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 BLOCKS = re.findall(r"```python\n(.*?)```", README, flags=re.DOTALL)
 

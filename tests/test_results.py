@@ -10,12 +10,15 @@ import json
 import pickle
 import re
 import sys
+import tempfile
+from pathlib import Path
 from types import SimpleNamespace
 
 import matplotlib.pyplot as plt
 import mbrs as mb
 import numpy as np
 import pytest
+from air_models import vane
 from mbrs._lib.records import HOMES
 from mbrs.io.result_files import member
 from mbrs.linear.measurement import MeasuredFunction, Measurement
@@ -130,6 +133,13 @@ def _measured():
     )
 
 
+def _read_back():
+    """Transfer functions of the model, read back from a universal file as a measurement."""
+    h = mb.frf(drawn(), inputs="a.force.x", outputs=["a.motion.x", "b.motion.y"], frequency=[0.7, 1.2, 1.7, 2.2])
+    with tempfile.TemporaryDirectory() as folder:
+        return mb.load(h.save(Path(folder) / "h.uff"))
+
+
 MAKE = {
     "ModalResult": lambda: mb.modes(drawn()),
     "ModalResult of matrices": lambda: mb.modes(
@@ -145,6 +155,9 @@ MAKE = {
         drawn(), np.linspace(0.0, 1.3, 27), {"a.force.x": np.sin(np.arange(27.0))}, ["b.motion.y", "a.motion.x"]
     ),
     "ResponseSensitivity": lambda: mb.sensitivity(MAKE["ResponseResult"](), ["k", "a.mass"]),
+    "Pairing": lambda: mb.pair(drawn(), _read_back()),
+    "Correlation": lambda: mb.correlate(drawn(), _read_back()),
+    "Update": lambda: mb.update(drawn(), MAKE["FrfResult"](), ["k", "a.mass"], noise=1e-6),
     "Equilibrium": lambda: mb.equilibrium(drawn()),
     "EquilibriumSensitivity": lambda: mb.sensitivity(mb.equilibrium(drawn()), ["k", "a.mass"]),
     "Linearization": lambda: mb.linearize(drawn()),
@@ -187,6 +200,7 @@ MAKE = {
     ).solve(),
     "AccuracyStudy": lambda: mb.accuracy_study(mb.simulate, drawn(), t=0.2, rtol=[1e-4, 1e-6]),
     "EffectStudy": lambda: mb.effect_study(mb.modes, drawn()),
+    "BladeLoads": lambda: mb.simulate(vane(sections=3), t=[0.0, 0.01], rtol=1e-6).aero("arm"),
     "Performance": lambda: mb.aero.performance(_turbine(), [4.1, 7.3, 9.9]),
     "WingLoads": lambda: mb.aero.lifting_line(_wing(), [0.03, 0.11], strips=8),
     "RotorResponse": lambda: mb.aero.rotor_response(
@@ -337,7 +351,7 @@ def test_tables_of_numbers_are_complete(results, name, tmp_path):
 
 @pytest.mark.parametrize("name", ["a.png", "a", "a.txt", "a.toml", "a.nc4", "a.pickle", ".nc"])
 def test_unknown_endings_are_refused_and_the_known_ones_listed(results, name, tmp_path):
-    with pytest.raises(mb.errors.ModelError, match=r"known are \.csv, \.json, \.nc, \.pkl"):
+    with pytest.raises(mb.errors.ModelError, match=r"known are \.csv, \.fmu, \.json, \.nc, \.parquet, \.pkl"):
         results("ModalResult").save(tmp_path / name)
     assert not any(tmp_path.iterdir())
 

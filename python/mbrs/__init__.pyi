@@ -10,7 +10,6 @@ from . import reference as reference
 from . import view as view
 from ._lib import formats as formats
 from ._lib import text as report
-from ._lib import vetter as matrix_calculus
 from ._lib.version import __version__ as __version__
 from .aero.dynamic_inflow import RotorResponse as RotorResponse
 from .aero.rotor_wakes import RotorWake as RotorWake
@@ -18,12 +17,17 @@ from .aero.steady_rotors import Performance as Performance
 from .aero.wings import WingLoads as WingLoads
 from .aero.wings import WingStart as WingStart
 from .design import outputs as outputs
+from .design.fit import Update as Update
 from .design.functions import Bounded as Bounded
 from .design.functions import Damping as Damping
 from .design.functions import Frequency as Frequency
+from .design.goals import Match as Match
+from .design.goals import MeanSquare as MeanSquare
+from .design.goals import Peak as Peak
 from .design.optimum import Optimum as Optimum
 from .design.problem import Problem as Problem
 from .design.problem import problem as problem
+from .design.robust import Robust as Robust
 from .design.runs import Failures as Failures
 from .design.runs import Runs as Runs
 from .design.sweep import sweep as sweep
@@ -31,6 +35,7 @@ from .design.table import Designs as Designs
 from .design.uncertainty import DerivativeMeasures as DerivativeMeasures
 from .design.uncertainty import SobolIndices as SobolIndices
 from .design.uncertainty import Statistics as Statistics
+from .design.update import update as update
 from .errors import AssemblyError as AssemblyError
 from .errors import ConvergenceError as ConvergenceError
 from .errors import DesignError as DesignError
@@ -54,9 +59,17 @@ from .gradients.motion_gradient import MotionSensitivity as MotionSensitivity
 from .gradients.objectives import AtTimes as AtTimes
 from .gradients.objectives import Final as Final
 from .gradients.objectives import Integral as Integral
+from .io.fmu import fmu as fmu
 from .io.result_files import load as load
+from .io.sep005 import from_sep005 as from_sep005
+from .io.sep005 import to_sep005 as to_sep005
 from .linear.campbell import CampbellResult as CampbellResult
 from .linear.campbell import campbell as campbell
+from .linear.correlation import Correlation as Correlation
+from .linear.correlation import comac as comac
+from .linear.correlation import correlate as correlate
+from .linear.correlation import frac as frac
+from .linear.correlation import serep as serep
 from .linear.eigen_sensitivity import DirectionalDerivative as DirectionalDerivative
 from .linear.eigen_sensitivity import EigenSensitivity as EigenSensitivity
 from .linear.eigen_sensitivity import eigen_sensitivity as eigen_sensitivity
@@ -78,6 +91,8 @@ from .linear.modes import modes as modes
 from .linear.multiblade import RotorModes as RotorModes
 from .linear.multiblade import multiblade as multiblade
 from .linear.multiblade import rotor_modes as rotor_modes
+from .linear.pairing import Pairing as Pairing
+from .linear.pairing import pair as pair
 from .linear.response import ResponseResult as ResponseResult
 from .linear.response import ResponseSensitivity as ResponseSensitivity
 from .linear.response import response as response
@@ -124,6 +139,7 @@ from .model.shapes import Box as Box
 from .model.shapes import Cylinder as Cylinder
 from .model.shapes import Mesh as Mesh
 from .model.shapes import Sphere as Sphere
+from .motion.air import BladeLoads as BladeLoads
 from .motion.simulate import simulate as simulate
 from .motion.trajectory import Energy as Energy
 from .motion.trajectory import Trajectory as Trajectory
@@ -144,6 +160,7 @@ from .nonlinear.system import NonlinearSystem as NonlinearSystem
 from .nonlinear.system import nonlinear_system as nonlinear_system
 from .results import Result as Result
 from .results import Stats as Stats
+from .solvers import matrix_calculus as matrix_calculus
 from .solvers.root import root as root
 from .studies.accuracy import AccuracyStudy as AccuracyStudy
 from .studies.accuracy import accuracy_study as accuracy_study

@@ -18,6 +18,8 @@ def available_memory() -> float: ...
 def require_memory(bytes: float, what: str, remedy: str) -> None: ...
 
 __all__ = [
+    "BALANCED",
+    "SAME_ROOT",
     "CoreAssemblyError",
     "CoreConvergenceError",
     "CoreError",
@@ -25,6 +27,7 @@ __all__ = [
     "CoreNotDifferentiableError",
     "CoreRouteError",
     "CoreSingularError",
+    "DesignPlan",
     "FrfReduction",
     "HbmBranch",
     "HbmElements",
@@ -40,11 +43,15 @@ __all__ = [
     "directions",
     "eigen_sensitivities",
     "induced_velocity",
+    "is_strained",
     "law_force",
     "law_relaxations",
     "mixed_modes",
+    "motion_air",
     "motion_breaks",
     "motion_directions",
+    "motion_of_element",
+    "motion_of_joint",
     "motion_quantities",
     "motion_reactions",
     "operation",
@@ -76,6 +83,28 @@ def dense_modes(
     kf: np.ndarray | None,
     mf: np.ndarray | None = None,
 ) -> dict[str, Any]: ...
+
+BALANCED: float
+SAME_ROOT: float
+
+@final
+class DesignPlan:
+    def __new__(
+        cls,
+        system: System,
+        parameters: Sequence[float],
+        columns: Sequence[tuple[int | None, Sequence[int]]],
+        nodes: Sequence[tuple[Any, Any]],
+        driven: Sequence[tuple[int, int]],
+        rules: Sequence[tuple[str, int, int]],
+        by: Sequence[tuple[int | None, Sequence[int]]],
+        n: int | None,
+        equilibrium: bool,
+        elastic: bool | None,
+    ) -> DesignPlan: ...
+    def compute(self, rows: _F2) -> dict[str, np.ndarray]: ...
+
+def is_strained(factor: _F2, shape: _F2, mass: _F2) -> bool: ...
 def sparse_model_modes(
     system: System, q: _F1, rate: _F1, without: Sequence[str], n: int, sigma: float | None = None
 ) -> dict[str, Any]: ...
@@ -170,16 +199,16 @@ class System:
         without: Sequence[str],
         memory: Sequence[float] = ...,
         acceleration: Sequence[float] = ...,
+        turn: _F2 | None = ...,
+        raw: bool = ...,
     ) -> dict[str, Any]: ...
+    def stiffness_factor(self, q: _F1, without: Sequence[str]) -> _F2 | None: ...
     def mobility(self, q: _F1) -> dict[str, Any]: ...
     def doubts(self, without: Sequence[str] = ...) -> list[tuple[list[str], float, bool, float]]: ...
     def advance(self, q: _F1, increments: _F1, without: Sequence[str] = ...) -> _F1: ...
     def law_places(self, q: _F1, rate: _F1) -> list[tuple[int, int, int, _F1, _F1, float, float]]: ...
     def function_places(self, q: _F1, rate: _F1) -> list[tuple[int, int, int, _F1, _F2, list[float], list[float]]]: ...
     def rate_mismatch(self, q: _F1, rate: _F1, without: Sequence[str] = ...) -> float: ...
-    def integrate(
-        self, q: _F1, rate: _F1, step: float, n_steps: int, direction: _Direction | None
-    ) -> dict[str, Any]: ...
     def rows(self, q: _F1, rate: _F1, t: float, without: Sequence[str]) -> dict[str, Any]: ...
     def strains(self, q: _F1, without: Sequence[str], twist: _F2, position: _F2) -> dict[str, Any]: ...
     def reactions(self, q: _F1, rate: _F1, without: Sequence[str]) -> _F2: ...
@@ -207,6 +236,10 @@ def motion_breaks(system: System, start: float) -> list[float]: ...
 def motion_directions(
     system: System, q: _F1, rate: _F1, without: Sequence[str], options: dict[str, Any]
 ) -> dict[str, Any]: ...
+def motion_of_element(
+    system: System, element: int, t: _F1, q: _F2, rate: _F2, memory: _F2, without: Sequence[str]
+) -> _F3: ...
+def motion_of_joint(system: System, joint: int, t: _F1, q: _F2, rate: _F2, memory: _F2) -> _F2: ...
 def motion_quantities(
     system: System,
     t: _F1,
@@ -216,6 +249,7 @@ def motion_quantities(
     acceleration: _F2,
     without: Sequence[str],
 ) -> dict[str, Any]: ...
+def motion_air(system: System, t: _F1, q: _F2, rate: _F2, memory: _F2) -> _F3: ...
 def motion_reactions(
     system: System,
     t: _F1,

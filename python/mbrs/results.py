@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -14,6 +15,9 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeVar, dataclass_transf
 import numpy as np
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
     from ._lib.text import Block
 
 _F = TypeVar("_F", bound=Callable[..., Any])
@@ -138,7 +142,7 @@ class Result:
         if self.status == "converged" and not callable(error):
             if error is None or np.size(error) == 0:
                 object.__setattr__(self, "status", "computed")
-            elif np.any(np.isnan(np.asarray(error, dtype=float))):
+            elif math.isnan(error) if type(error) is float else np.isnan(np.asarray(error, dtype=float)).any():
                 object.__setattr__(self, "status", "unresolved")
 
     @classmethod
@@ -281,7 +285,7 @@ class Result:
         name = type(self).__name__
         return f"{name}({first.removeprefix(name).lstrip(': ')})"
 
-    def plot(self, *, ax: Any = None) -> Any:
+    def plot(self, *, ax: Axes | None = None) -> Figure:
         """Draw the result, into ``ax`` or a figure of its own, and return the figure; every class says how."""
         raise NotImplementedError(type(self).__name__)
 

@@ -32,7 +32,7 @@ pub mod constraints {
 
     /// Second-order form of a redundant combination on the motions that the rows leave free, over the tolerance of the drawing, from
     /// which on its pose is singular: there the constraints part like the square of the way. Larger: bifurcations are linearised.
-    /// Smaller: linkages that are drawn inaccurately are called singular. Pinned by `tests/test_core_loops.py`.
+    /// Smaller: linkages that are drawn inaccurately are called singular. Pinned by `tests/system/test_loops.py`.
     pub const SINGULAR_POSE: f64 = 1e2;
 
     /// Length of the look beside a drawn pose, in lengths of the loop or radians, by which a pose of lower rank is seen.
@@ -63,11 +63,11 @@ pub mod coordinates {
     /// Cosine of the angle between a hinge and the axis of a measured angle, as drawn, from which on turns of the hinge are turns of the
     /// angle: below 45 degrees they are, whatever the frame in which it is measured. Larger: angles between oblique shafts lose their
     /// turns, and a motion in which a spring needs them stops. Smaller: turns are counted that the angle does not make. Pinned by
-    /// `tests/test_coordinates.py` between 40 and 50 degrees.
+    /// `tests/system/test_coordinates.py` between 40 and 50 degrees.
     pub const NEARLY_PARALLEL: f64 = std::f64::consts::FRAC_1_SQRT_2;
 
     /// How far the quaternion of a state that is handed over may be from length one. Larger: what is no rotation is taken for one.
-    /// Smaller: states read from text with five digits are refused. Pinned by `tests/test_coordinates.py` between 1e-6 and 1e-2.
+    /// Smaller: states read from text with five digits are refused. Pinned by `tests/system/test_coordinates.py` between 1e-6 and 1e-2.
     pub const UNIT_QUATERNION: f64 = 1e-4;
 }
 
@@ -75,19 +75,19 @@ pub mod coordinates {
 pub mod equilibrium {
     /// Stiffness below this part of the largest of its island counts as none. Coordinates that are held softly are stretched before.
     /// Larger: soft springs do not hold. Smaller: rounding holds what nothing restrains.
-    /// Pinned by tests/truth/test_soft_and_stiff.py (hanging chains) and tests/test_core_equilibrium.py.
+    /// Pinned by tests/truth/test_soft_and_stiff.py (hanging chains) and tests/linear/test_equilibrium.py.
     pub const NO_STIFFNESS: f64 = 1e-12;
 
     /// A force along a direction without stiffness, over the size of the forces in its island, that moves it; left over along any
     /// coordinate it is more than a balance may leave. Larger: a weak push along a free direction passes, and what is not in
-    /// balance is called converged. Smaller: rounding of forces in balance is an error. Pinned by tests/test_core_equilibrium.py and
-    /// tests/test_equilibrium_estimate.py (converged is a claim about the residual).
+    /// balance is called converged. Smaller: rounding of forces in balance is an error. Pinned by tests/linear/test_equilibrium.py and
+    /// tests/linear/test_equilibrium_estimate.py (converged is a claim about the residual).
     pub const PUSHED: f64 = 1e-9;
 
     /// Forces at work in an island, over its stiffness (times a radian or the characteristic length), that are no load but what the
     /// last digits of a drawing make: then a rounding of places that is not small beside them is not told. Larger: forces in stiff parts
     /// are called converged that are rounding. Smaller: unloaded models, drawn with noise in the last digits, are called unresolved.
-    /// Pinned by tests/test_equilibrium_estimate.py and the suite with jitter.
+    /// Pinned by tests/linear/test_equilibrium_estimate.py and the suite with jitter.
     pub const UNLOADED: f64 = 1e-11;
 
     /// Diagonal entries of the stiffness (radians, characteristic lengths) below this part of the largest of their island are made as
@@ -108,6 +108,38 @@ pub mod equilibrium {
     /// A full step from a state whose unbalance may be rounding goes on if it leaves less than this part. Larger: steps in rounding.
     /// Smaller: digits are given away. Pinned by tests/invariance/test_same_equilibrium.py (moved).
     pub const SETTLED: f64 = 0.5;
+}
+
+/// Linearised matrices.
+pub mod linearisation {
+    /// Multiple of eps times the sum of the sizes of the terms of an entry below which the entry is rounding. Too small: rounding passes for
+    /// stiffness, circulation or damping. Too large: weak effects beside strong ones in the same entry are lost.
+    /// Pinned by tests/truth/test_terms_of_linearisations.py.
+    pub const ENTRY: f64 = 8.0;
+
+    /// Entries above this share of the natural size of their row and column cannot be rounding: then no sizes are added up. Too small:
+    /// rounding stays. Too large: work without need; no entry changes. Pinned by the same tests.
+    pub const CLEAR: f64 = 1e-10;
+
+    /// Rounding of a few dozen terms of inertia that cancel, relative to their size. Too small: the turning of a shaft is held by a
+    /// stiffness of rounding. Too large: soft supports of fast shafts are lost. Seen by tests/truth/test_steady_rotation.py; not scanned.
+    pub const CANCELLED: f64 = 1e-14;
+
+    /// Multiple of eps times the size of its terms below which an entry of a strain row is rounding of poses and axes, beside one for each
+    /// body. Too small: a coordinate that no element strains counts as held. Too large: weak levers are lost.
+    /// Pinned by tests/truth/test_graded_modes.py (rows on arbitrary axes).
+    pub const POSE_ROUNDING: f64 = 32.0;
+
+    /// The same of poses in closed loops, which carry the tolerance of their closure.
+    pub const LOOP_ROUNDING: f64 = 1e5;
+
+    /// An unbalanced force above this part of all forces makes a linearisation at rest questionable, and is told. Larger: matrices of a
+    /// state that does not last pass without a word. Smaller: models in balance but for the digits of their drawing are warned of.
+    pub const BALANCED: f64 = 1e-6;
+
+    /// Change of the given velocities, over their size, from which on it is told that they contradict the joints. Larger: contradictions
+    /// pass. Smaller: rounding is told.
+    pub const VELOCITY_CORRECTED: f64 = 1e-9;
 }
 
 /// Eigenvalues and shapes.
@@ -133,7 +165,7 @@ pub mod modes {
 
     /// Relative effect on a squared frequency up to which damping between two undamped modes is left out; it is added to the error.
     /// Too large: shapes of coupled damping are real although they are not. Too small: rounding of proportional damping sends a
-    /// system to the general route. Pinned by tests/test_modal.py (proportional damping) and tests/truth/test_graded_modes.py.
+    /// system to the general route. Pinned by tests/linear/test_modal.py (proportional damping) and tests/truth/test_graded_modes.py.
     pub const UNCOUPLED: f64 = 1e-13;
 
     /// Multiple of the last place of a diagonal entry (in units of the masses) up to which an entry that no semidefinite matrix can have
@@ -151,6 +183,11 @@ pub mod modes {
     /// Pinned by tests/truth/test_damped_modes.py (defects of orders two to four).
     pub const DOUBLE_ROOT: f64 = 0.1;
 
+    /// Distances, over that of the nearest root, of the roots that meet at a defect of order three and more. Too small: some of them are
+    /// not counted and the error is too small by their share. Too large: roots beside the defect make the estimate larger, by their
+    /// number. Pinned by tests/truth/test_damped_modes.py (defects of orders two to four).
+    pub const MEETING: f64 = 10.0;
+
     /// Krylov cycles after which a zero shift is moved nearer to the lowest eigenvalues. Too small: factorisations are wasted on problems
     /// that would have converged. Too large: crowded spectra waste cycles first. No answer depends on it: inertia counts prove that none
     /// is missing. Pinned by tests/truth/test_crowded_modes.py.
@@ -166,33 +203,68 @@ pub mod modes {
 
     /// What a factor of M holds of a coordinate beyond the others, over the length of its column, that is rounding of arms: the coordinate
     /// then has no inertia of its own. A share of 1e-12 of a column is 1e-24 of a mass. Larger: light bodies on heavy ones are refused.
-    /// Smaller: roots of rounding. Pinned by tests/truth/test_soft_and_stiff.py and tests/test_bad_input_core.py.
+    /// Smaller: roots of rounding. Pinned by tests/truth/test_soft_and_stiff.py and tests/linear/test_bad_input.py.
     pub const MASSLESS: f64 = 1e-12;
 
     /// Sum of the sizes of the terms of a Rayleigh quotient over its value from which on it is taken in twice the precision. Below, its
     /// rounding is part of the error of the data. Too small: work. Too large: soft modes of matrices lose digits that the entries hold.
     /// Pinned by tests/truth/test_graded_modes.py.
     pub const CANCELLING: f64 = 1e5;
+
+    /// Relative strain of a rigid mode that cannot be rounding of its shape. Too small: the factor of the stiffness is made once more than
+    /// needed. Too large: a strained mode stays rigid. Pinned by tests/truth/test_graded_modes.py (soft modes of models).
+    pub const STRAINED: f64 = 1e-9;
+
+    /// Relative error of an assembled model's frequency from which on the factor of its stiffness is worth a second solution. Too small:
+    /// ordinary models are solved twice. Too large: soft modes keep the rounding of stiff springs. Pinned by
+    /// tests/truth/test_graded_modes.py.
+    pub const GRADED: f64 = 1e-9;
+
+    /// Roots that a symmetry makes equal come out this far apart: positions and closed loops carry some rounding. Derivatives treat them as
+    /// one. Larger: roots that differ lose their own derivatives. Smaller: derivatives of rounding's choice of shapes.
+    pub const SAME_ROOT: f64 = 1e-11;
+
+    /// A smaller pivot of M means that M is ill-conditioned: light bodies are lost in the rounding of heavy ones. Then a factor of M is
+    /// used. Too small: light bodies keep that rounding. Too large: only time is lost. Pinned by tests/truth/test_soft_and_stiff.py.
+    pub const LIGHTEST: f64 = 1e-5;
 }
 
 /// Motion in time.
 pub mod motion {
     /// Part of a diagonal entry of M that the recursion over a tree must leave of it, or M is singular to rounding there and the dense
     /// route decides. Free of units. Larger: trees with heavy tips take the slow route. Smaller: accelerations of coordinates that
-    /// move no inertia are rounding over rounding. Pinned by tests/test_tree_accelerations.py.
+    /// move no inertia are rounding over rounding. Pinned by tests/system/test_tree_accelerations.py.
     pub const ARTICULATED: f64 = 1e4 * f64::EPSILON;
+
+    /// Factor on the length of the next step that the error estimate proposes. Larger: more steps are repeated. Smaller: more steps are
+    /// made. A choice of cost; seen by the step counts of tests/motion/test_motion_zoo.py, not scanned.
+    pub const SAFETY: f64 = 0.85;
+
+    /// Iterations of simplified Newton methods within a step. Larger: steps that are too long are given up late. Smaller: steps that
+    /// would converge are repeated. Seen by tests/motion/test_radau.py, not scanned.
+    pub const NEWTON_ITERATIONS: usize = 12;
+
+    /// Corrections that matrices of the step itself do not shrink are rounding below this part of the motion within the step. Larger:
+    /// steps are called solved that are not. Smaller: steps at the limit of rounding are repeated without end.
+    /// Seen by tests/motion/test_motion_hard.py, not scanned.
+    pub const CORRECTION_ROUNDING: f64 = 1e-10;
+
+    /// Motions within a step below this, characteristic lengths or radians, are solved as if they were of this size: at rest there is
+    /// nothing but rounding to be relative to. Larger: slow motions are solved loosely. Smaller: rest is solved to rounding of
+    /// rounding. Seen by tests/motion/test_motion_hard.py, not scanned.
+    pub const LEAST_MOTION: f64 = 1e-6;
+
+    /// Repetitions that find the rotation vector of three rates that act together: each gains the turn within a step. Smaller: fast
+    /// turns are refused. Seen by tests/motion/test_motion_rotations.py, not scanned.
+    pub const ROTATION_REPETITIONS: usize = 40;
 }
 
 /// Rolling in motion.
 pub mod rolling {
     /// Straight rolling: B''' and the third power of E, over the speed (lengths over the characteristic length) to the same power, and
-    /// forces along the path over their terms. Larger: motion on slow curves is linearised as if straight; smaller: rounding of a drawn
-    /// model refuses it. Pinned by `a_curve_and_a_trailer_are_refused` and the bicycle of tests/truth/test_rolling.py.
+    /// forces along the path over their terms and over the sum of all forces. Larger: motion on slow curves is linearised as if
+    /// straight, and weak forces along the path pass unseen; smaller: rounding of a drawn model refuses it. Pinned by `a_curve_and_a_trailer_are_refused` and the bicycle of tests/truth/test_rolling.py.
     pub const ROLLS_STEADILY: f64 = 1e-9;
-
-    /// Rounding that forces which cancel leave in their tangent, over the sum of their sizes. Larger: a weak force along the path of
-    /// rolling passes unseen; smaller: weight alone refuses. Pinned by the bicycle of tests/truth/test_rolling.py.
-    pub const ROUNDING_OF_FORCES: f64 = 2e-11;
 
     /// Force that a displacement along the path of rolling makes, over the terms that it is made of, which counts as none where such
     /// displacements are looked for. Free of units. Rounding leaves 1e-15, the smallest force of a bicycle's lean 2e-3. Larger: a lean
@@ -218,12 +290,12 @@ pub mod periodic {
 
     /// Part of the natural size of an entry of the condensed dynamic stiffness that rounding of a factorisation may change, by its
     /// bound, before the entry is refined. Free of units. Too large: curves of finely divided structures carry the rounding; too small:
-    /// refinements that change nothing. Pinned by tests/test_hbm_rounding.py.
+    /// refinements that change nothing. Pinned by tests/nonlinear/test_hbm_rounding.py.
     pub const FELT: f64 = 1e-6;
 
     /// Correction of an entry by a residual, relative to its natural size, after which the next correction, about its square, would not
     /// count. Free of units. Too large: S keeps a visible error; too small: structures are refused that are known well enough.
-    /// Pinned by tests/test_hbm_rounding.py.
+    /// Pinned by tests/nonlinear/test_hbm_rounding.py.
     pub const SETTLED: f64 = 1e-7;
 
     /// An entry of the condensed dynamic stiffness below this part of its rounding in plain arithmetic is zero: what is left of it after
@@ -243,11 +315,11 @@ pub mod periodic {
 
     /// A period that takes less than this part out of a change of a law's state leaves the state free. Free of units. Too large: weakly
     /// dissipating cycles keep the state of their start; too small: rounding of a thousand steps decides.
-    /// Pinned by tests/test_state_laws.py.
+    /// Pinned by tests/nonlinear/test_state_laws.py.
     pub const STATE_FREE: f64 = 1e-11;
 
     /// Rounding of a law's state after a period, over its largest value. Free of units. Too large: states that are not periodic pass; too
-    /// small: periods are repeated for nothing. Pinned by tests/test_state_laws.py.
+    /// small: periods are repeated for nothing. Pinned by tests/nonlinear/test_state_laws.py.
     pub const STATE_CLOSED: f64 = 1e-13;
 
     /// Rounding of the equations between two samples of a law's state, in units of eps times the sum of their absolute terms. Free of
@@ -277,4 +349,18 @@ pub mod periodic {
     /// Too large: partial contacts are missed; too small: smooth laws that bend fast count as contacts.
     /// Pinned by tests/truth/test_hbm_events.py.
     pub const CONTACT_JUMP: f64 = 0.1;
+}
+
+/// Air forces on the sections of blades.
+pub mod aero {
+    /// Smallest inflow angle (rad) of an annulus through which the wind still blows. Too large: heavily loaded annuli reverse too early;
+    /// too small: a hovering rotor in a breath of wind is taken for a windmill that blocks it.
+    /// Pinned by tests/aero/test_coupled_sections.py.
+    pub const SMALLEST_INFLOW: f64 = 1e-6;
+
+    /// k = a / (1 - a) at the axial induction a = 0.4 above which Buhl's parabola, which meets momentum theory there, replaces it.
+    pub const HIGH_LOAD: f64 = 2.0 / 3.0;
+
+    /// Steps of the search for an inflow angle that bisects every third. A count. Too small: roots are cut off; too large: nothing.
+    pub const MOST_ANNULUS_STEPS: usize = 180;
 }

@@ -54,7 +54,7 @@ def cases():
             marks = [pytest.mark.xfail(strict=False, reason=REFUSED)] if stuck else []
             if (method, name, change) == ("radau", "isolator", "stiff part"):
                 # its estimate counts rates of a vibration that moves nothing which the tolerance sees
-                marks.append(pytest.mark.xfail(strict=False, reason="1500 steps are not enough"))
+                marks.append(pytest.mark.xfail(strict=True, reason="1500 steps are not enough"))
             yield pytest.param(method, name, change, id=f"{method}-{name}-{change}", marks=marks)
 
 

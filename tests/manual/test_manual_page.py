@@ -5,11 +5,10 @@ from __future__ import annotations
 import json
 import re
 import runpy
-from pathlib import Path
 
 import pytest
+from folders import ROOT
 
-ROOT = Path(__file__).parents[2]
 GIVEN = dict(topic="modes", source="x = 1", within=1e-6)
 
 

@@ -101,14 +101,17 @@ def test_mass_ratios_are_right_or_honest(ratio, seed):
         assert error.max() < 1e-3
 
 
+@pytest.mark.parametrize("seed", range(6))
 @pytest.mark.parametrize("order", [2, 3, 4])
-def test_estimates_at_defects(order):
+def test_estimates_at_defects(order, seed):
+    """Pairs that are defective to rounding, in random coordinates and units of time: the estimate bounds the error."""
+    rng = np.random.default_rng([order, seed])
     if order == 4:
         c = (1 / 18) ** 0.5
         M, C, K = np.eye(2), np.array([[8 / 3, c], [c, 4 / 3]]), np.diag([2.0, 0.5])
     elif order == 3:
         # (s^2 + c1 s + k1)(s^2 + c2 s + k2) - d^2 s^2 = (s + 1)^3 (s + a)
-        a, k1 = 0.5, 0.1
+        a, k1 = rng.uniform(0.4, 0.6), rng.uniform(0.08, 0.12)
         k2 = a / k1
         c1 = (1 + 3 * a - (3 + a) * k1) / (k2 - k1)
         c2 = 3 + a - c1
@@ -116,13 +119,15 @@ def test_estimates_at_defects(order):
         M, C, K = np.eye(2), np.array([[c1, d], [d, c2]]), np.diag([k1, k2])
     else:
         M, C, K = np.eye(2), np.array([[2.0, 0.0], [0.0, 0.3]]), np.array([[1.0, 0.0], [0.0, 4.0]])
-        q = np.array([[0.6, -0.8], [0.8, 0.6]])
-        C, K = q @ C @ q.T, q @ K @ q.T
+    rate = np.exp(rng.uniform(-3, 3))
+    mix = np.linalg.qr(rng.normal(size=(2, 2)))[0] * np.exp(rng.uniform(-1, 1, 2))
+    M, C, K = (mix.T @ x @ mix for x in (M, rate * C, rate**2 * K))
+    M, C, K = (0.5 * (x + x.T) for x in (M, C, K))
     r = mb.modes(mb.MechanicalSystem(M, C, K))
     error = errors(r, true_roots(M, C, K, 80))
     print(f"order {order}: true {error}, estimated {r.error}, condition {r.condition}")
     assert r.near_defective.any()
-    assert np.all(error <= 10 * r.error + 4 * EPS)
+    assert np.all(error <= 1.1 * r.error + 4 * EPS)
     assert np.all(r.error <= 1e3 * np.maximum(EPS ** (1 / order), error))
 
 

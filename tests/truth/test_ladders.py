@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import warnings
 
+import jitter
 import mbrs as mb
 import numpy as np
 import pytest
@@ -76,13 +77,13 @@ def test_modes_of_ladders(n, order, numbers):
     """Dense and sparse routes; the last has more rows and columns of loops than a dense matrix of 30 000 000 entries."""
     m = ladder(n, order=order, **numbers)
     with warnings.catch_warnings():
-        # nothing carries force in a drawing that is right to rounding
-        warnings.simplefilter("error", mb.MbrsWarning)
+        # nothing carries force and no rank is doubtful in a drawing that is right to rounding
+        warnings.simplefilter("error" if jitter.seed() is None else "ignore", mb.MbrsWarning)
         r = mb.modes(m, n=8)
     w = exact(n, 8, **numbers)
     print(r.stats.route, np.abs(r.omega / w - 1).max())
     # the drawing itself is right to the rounding of its longest coordinate over the length of a layer
-    assert np.allclose(r.omega, w, rtol=1e-13 * (10 + n)) and r.status == "converged"
+    assert np.allclose(r.omega, w, rtol=(1e-13 + jitter.level()) * (10 + n)) and r.status == "converged"
 
 
 @pytest.mark.parametrize(("n", "order"), [(7, False), (130, True), (1600, False)])

@@ -7,16 +7,16 @@ page, on which other tests rely.
 from __future__ import annotations
 
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
+from folders import DOCS
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq, fsolve
 
 pytestmark = pytest.mark.slow
 
-PAGE = (Path(__file__).parents[2] / "docs" / "theory.md").read_text(encoding="utf-8")
+PAGE = (DOCS / "theory.md").read_text(encoding="utf-8")
 NUMBER = re.compile(r"(?<![\w.])-?\d+\.\d+")
 
 

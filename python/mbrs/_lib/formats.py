@@ -18,7 +18,7 @@ __all__ = ["Format", "Omission", "find", "known", "load_with", "open_file", "reg
 Holds = Literal["model", "result", "matrices"]
 
 # Bytes of the largest file that is read, unless a format says otherwise. Too small: models with many bodies are refused. Too large:
-# a file that was made to fill the memory does. Pinned by tests/test_io_hostile.py.
+# a file that was made to fill the memory does. Pinned by tests/io/test_hostile.py.
 LARGEST_FILE = 256 * 1024 * 1024
 # Names of one kind that a message lists; `OmissionWarning.omissions` has all.
 _LISTED = 6

@@ -17,7 +17,7 @@ from ..errors import ModelError
 __all__ = ["Block", "html_table", "number", "si", "table", "without_rounding"]
 
 # Part of the scale of a table below which a number is rounding: some dozen operations. Larger, small answers print as 0;
-# smaller, rounding prints as numbers (tests/test_report.py).
+# smaller, rounding prints as numbers (tests/view/test_report.py).
 ROUNDING = 64 * float(np.finfo(float).eps)
 
 _ABSENT = "-"

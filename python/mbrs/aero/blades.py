@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from .._lib.checks import real_array, shown
+from .._lib.checks import count, real_array, shown
 from ..errors import ModelError
 from .polars import Polar
 
@@ -31,6 +31,10 @@ class Blade:
         (n,) over the chord, or None where the polars are given by station.
     body
         Name of the body that carries the blade, or None.
+    root, line
+        m, and a fraction of the chord: where the body's origin and its line are.
+    sections
+        Strips into which `Model.aerodynamics` cuts it.
     """
 
     stations: np.ndarray
@@ -41,10 +45,36 @@ class Blade:
     shares: np.ndarray
     thickness: np.ndarray | None = None
     body: str | None = None
+    root: float = 0.0
+    line: float = 0.25
+    sections: int = 16
 
     def __repr__(self) -> str:
         low, high = self.stations[[0, -1]]
         return f"Blade({len(self.stations)} stations from {low:g} to {high:g} m, {len(self.polars)} polars)"
+
+    def plain(self, polars: list[dict[str, Any]]) -> dict[str, Any]:
+        """The blade in strips as plain data, which models and files hold; its polars are added to ``polars`` unless they are there."""
+        edges, places = strips(float(self.stations[0]), float(self.stations[-1]), self.sections)
+        names = [_take_polar(polars, p) for p in self.polars]
+        weights = self.weights(places)
+        first = np.argmax(weights > 0.0, axis=1)
+        second = weights.shape[1] - 1 - np.argmax(weights[:, ::-1] > 0.0, axis=1)
+        return {
+            "body": self.body,
+            "root": self.root,
+            "first": float(self.stations[0]),
+            "last": float(self.stations[-1]),
+            "line": self.line,
+            "place": places.tolist(),
+            "width": np.diff(edges).tolist(),
+            "chord": self.chords(places).tolist(),
+            "twist": self.twists(places).tolist(),
+            "aerodynamic_center": np.interp(places, self.stations, self.aerodynamic_center).tolist(),
+            "polar": [names[i] for i in first],
+            "second_polar": [names[i] for i in second],
+            "share": np.where(first == second, 0.0, weights[np.arange(len(places)), second]).tolist(),
+        }
 
     def chords(self, places: Any) -> np.ndarray:
         """(m,) m: chord at places (m,) m among the stations."""
@@ -114,6 +144,9 @@ def blade(
     thickness: Any = None,
     aerodynamic_center: Any = 0.25,
     body: str | None = None,
+    root: float = 0.0,
+    line: float = 0.25,
+    sections: int = 16,
 ) -> Blade:
     """Describe a blade or a wing.
 
@@ -134,7 +167,13 @@ def blade(
     aerodynamic_center
         (n,) or one number: fraction of the chord behind the leading edge, where lift, drag and moment act.
     body
-        Name of the body that carries the blade.
+        Name of the body that carries the blade, for `Model.aerodynamics`.
+    root
+        m: where on the blade the origin of that body is; the stations of a rotor's blade count from the axis.
+    line
+        Fraction of the chord behind the leading edge at which the body's x axis (the line of a flexible body) goes through the sections.
+    sections
+        Strips into which `Model.aerodynamics` cuts the blade, narrow at both ends.
 
     Raises
     ------
@@ -176,7 +215,27 @@ def blade(
             f"{what}: aerodynamic_center is a fraction of the chord from 0 to 1, it is {shown(aerodynamic_center)}"
         )
     polars, shares, thick = _polars(what, polar, thickness, len(x))
-    return Blade(x, c, _each(f"{what}: twist", twist, len(x)), centre, polars, shares, thick, body)
+    origin, at = (float(real_array(f"{what}: {n}", v)) for n, v in (("root", root), ("line", line)))
+    n = count(f"{what}: sections", sections, 400, 2)
+    return Blade(x, c, _each(f"{what}: twist", twist, len(x)), centre, polars, shares, thick, body, origin, at, n)
+
+
+def strips(first: float, last: float, n: int) -> tuple[np.ndarray, np.ndarray]:
+    """Edges (n+1,) and middles (n,) m of strips that are narrow at both ends, spaced as cosines."""
+    turn = np.linspace(0.0, np.pi, 2 * n + 1)
+    along = 0.5 * (first + last) - 0.5 * (last - first) * np.cos(turn)
+    return along[::2], along[1::2]
+
+
+def _take_polar(known: list[dict[str, Any]], polar: Polar) -> str:
+    """The name of a polar among tables; one that is not there is added, under a name of its own."""
+    table = polar.plain()
+    for other in known:
+        if {**other, "name": ""} == {**table, "name": ""} and other["name"].partition("#")[0] == polar.name:
+            return str(other["name"])
+    same = sum(other["name"].partition("#")[0] == polar.name for other in known)
+    known.append({**table, "name": f"{polar.name}#{same + 1}" if same else polar.name})
+    return str(known[-1]["name"])
 
 
 def _each(name: str, value: Any, n: int) -> np.ndarray:

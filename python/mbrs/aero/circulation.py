@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .lines import Lines, Sections
+from .lines import HasSections, Lines
 
 __all__ = ["Balance", "bound_circulation"]
 
@@ -30,7 +30,7 @@ class Balance:
 
 
 def bound_circulation(
-    lines: Lines, sections: Sections, known: np.ndarray, influence: np.ndarray, guess: np.ndarray
+    lines: Lines, sections: HasSections, known: np.ndarray, influence: np.ndarray, guess: np.ndarray
 ) -> Balance:
     """Circulations whose lift is that of the polars.
 
@@ -92,7 +92,7 @@ def bound_circulation(
     return Balance(gamma.reshape(shape), wind, float(largest / scale) if largest else 0.0, step)
 
 
-def _tangent(lines: Lines, sections: Sections, wind: np.ndarray, influence: np.ndarray) -> np.ndarray:
+def _tangent(lines: Lines, sections: HasSections, wind: np.ndarray, influence: np.ndarray) -> np.ndarray:
     """Derivative of the rest by the circulations."""
     angle, speed, _ = lines.angles(wind)
     safe = np.where(speed > 0.0, speed, 1.0)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -14,6 +14,10 @@ from ..errors import ModelError
 from ..results import Result, Stats, quantity, result
 from .momentum import inflow as momentum_inflow
 from .rotors import Rotor
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 __all__ = ["RotorResponse", "lagging", "rotor_response", "time_constants"]
 
@@ -44,7 +48,7 @@ class RotorResponse(Result):
     def heading(self) -> str:
         return f"rotor over {self.time[-1] - self.time[0]:.5g} s, {self.stats.route}: {self.status}, estimated error {self.error:.1e}"
 
-    def plot(self, *, ax: Any = None) -> Any:
+    def plot(self, *, ax: Axes | None = None) -> Figure:
         """Thrust over time; returns the figure."""
         from ..plot.aero import response as draw
 
@@ -157,7 +161,9 @@ def rotor_response(
     )
 
 
-def time_constants(induction: np.ndarray, share: np.ndarray, passage: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def time_constants(
+    induction: np.ndarray, share: np.ndarray, passage: np.ndarray | float
+) -> tuple[np.ndarray, np.ndarray]:
     """The lags t1 and t2 in s at an axial induction, at shares r/R of the radius, for R/U in s; shapes that broadcast."""
     first = 1.1 / (1.0 - 1.3 * np.minimum(induction, MOST_INDUCTION)) * passage
     return first, (0.39 - 0.26 * share**2) * first

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from .blades import Blade
+from .blades import Blade, strips
 
 if TYPE_CHECKING:
     from .rotors import Rotor
 
-__all__ = ["Lines", "rigid_lines", "strips"]
+__all__ = ["Lines", "rigid_lines"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,13 +78,6 @@ class Lines:
         return self.width[..., None] * (lift + 0.5 * (drag * speed)[..., None] * across)
 
 
-def strips(first: float, last: float, n: int) -> tuple[np.ndarray, np.ndarray]:
-    """Edges (n+1,) and middles (n,) m of strips that are narrow at both ends, spaced as cosines."""
-    turn = np.linspace(0.0, np.pi, 2 * n + 1)
-    along = 0.5 * (first + last) - 0.5 * (last - first) * np.cos(turn)
-    return along[::2], along[1::2]
-
-
 def rigid_lines(rotor: Rotor, n: int, speed: float) -> Lines:
     """Lines of a rigid rotor about the x axis through the origin, which turns at ``speed`` rad/s; blade 1 along z.
 
@@ -117,6 +110,17 @@ def rigid_lines(rotor: Rotor, n: int, speed: float) -> Lines:
         velocity=np.cross(speed * axis, points),
         rear_velocity=np.cross(speed * axis, rear),
     )
+
+
+class HasSections(Protocol):
+    """Strips of equal blades with their polars."""
+
+    @property
+    def chord(self) -> np.ndarray:
+        """(n,) m."""
+
+    def coefficients(self, angle: np.ndarray, slope: bool = False) -> np.ndarray:
+        """(..., n, 3) lift, drag and moment at angles of attack (..., n) rad, or their slopes."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from .._lib.checks import choice, real_array, shown
+from .._lib.monotone import cubic_pieces
 from ..errors import ModelError
 from .stall import extension
 
@@ -49,7 +50,7 @@ class Polar:
     ) -> None:
         self.name, self.thickness, self.interpolation = name, thickness, interpolation
         self.angle, self._values = angle, values
-        self._pieces = _pieces(angle, values, interpolation, self.whole_circle)
+        self._pieces = cubic_pieces(angle, values, interpolation, self.whole_circle)
         for array in (self.angle, self._values, self._pieces):
             array.flags.writeable = False
 
@@ -102,6 +103,13 @@ class Polar:
         """Derivatives of `clip_values`: beyond the table zero."""
         x, c = self._piece(angle)
         return np.where(self.covers(angle)[..., None], c[1] + x * (2.0 * c[2] + 3.0 * x * c[3]), 0.0)
+
+    def plain(self) -> dict[str, Any]:
+        """The table as plain data: the arguments of `polar`."""
+        columns = {"angle": self.angle, "lift": self.lift, "drag": self.drag, "moment": self.moment}
+        thickness = {} if self.thickness is None else {"thickness": self.thickness}
+        lists = {key: value.tolist() for key, value in columns.items()}
+        return {"name": self.name, **lists, **thickness, "interpolation": self.interpolation}
 
     def extend(self, aspect_ratio: float, drag_max: float | None = None) -> Polar:
         """The polar over all angles, beyond its table by Viterna's equations of a stalled plate.
@@ -238,41 +246,3 @@ def _close(what: str, a: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np
     a[[0, -1]] = -np.pi, np.pi
     values[[0, -1]] = 0.5 * (values[0] + values[-1])
     return a, values
-
-
-def _pieces(a: np.ndarray, y: np.ndarray, interpolation: str, periodic: bool) -> np.ndarray:
-    """(4, n - 1, 3) coefficients of the powers of the distance from the left angle of each piece."""
-    h, rise = np.diff(a)[:, None], np.diff(y, axis=0)
-    secant = rise / h
-    if interpolation == "linear":
-        return np.stack([y[:-1], secant, np.zeros_like(secant), np.zeros_like(secant)])
-    d = _monotone_slopes(h, secant, periodic)
-    return np.stack([y[:-1], d[:-1], (3.0 * secant - 2.0 * d[:-1] - d[1:]) / h, (d[:-1] + d[1:] - 2.0 * secant) / h**2])
-
-
-def _monotone_slopes(h: np.ndarray, secant: np.ndarray, periodic: bool) -> np.ndarray:
-    """(n, 3) slopes: weighted harmonic means of the neighbouring secants where these agree in sign, else zero."""
-    if periodic:
-        h, secant = np.concatenate([h[-1:], h, h[:1]]), np.concatenate([secant[-1:], secant, secant[:1]])
-    if len(h) == 1:
-        return np.concatenate([secant, secant])
-    w1, w2 = 2.0 * h[1:] + h[:-1], h[1:] + 2.0 * h[:-1]
-    agree = secant[1:] * secant[:-1] > 0.0
-    left, right = np.where(agree, secant[:-1], 1.0), np.where(agree, secant[1:], 1.0)
-    inner = np.where(agree, (w1 + w2) / (w1 / left + w2 / right), 0.0)
-    if periodic:
-        return inner
-    return np.concatenate(
-        [
-            _end_slope(h[0], h[1], secant[0], secant[1])[None],
-            inner,
-            _end_slope(h[-1], h[-2], secant[-1], secant[-2])[None],
-        ]
-    )
-
-
-def _end_slope(h0: np.ndarray, h1: np.ndarray, s0: np.ndarray, s1: np.ndarray) -> np.ndarray:
-    """The slope of the parabola through three points at its end, limited so that the piece is monotone."""
-    d = ((2.0 * h0 + h1) * s0 - h0 * s1) / (h0 + h1)
-    d = np.where(d * s0 <= 0.0, 0.0, d)
-    return np.where((s0 * s1 <= 0.0) & (np.abs(d) > 3.0 * np.abs(s0)), 3.0 * s0, d)

@@ -5,21 +5,26 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from .._lib.checks import choice, count, real_array, shown
+from .._lib.checks import choice, count, shown
 from .._lib.progress import Progress
 from ..errors import Interrupted, ModelError
 from ..results import Result, Stats, quantity, result
+from .blades import strips
 from .circulation import BALANCED, Balance, bound_circulation
-from .filaments import CORES
-from .lattice import Cores, Frame, March, Wake
-from .lines import Lines, Sections, rigid_lines, strips
+from .lattice import Frame, March, Wake
+from .lines import Lines, Sections, rigid_lines
 from .momentum import inflow as momentum_inflow
 from .rotors import Rotor
+from .wake_options import WakeOptions, number, wake_options
 from .wake_paths import Path, hover_path, prescribed, wind_path
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 __all__ = ["RotorWake", "rotor_wake"]
 
@@ -71,35 +76,11 @@ class RotorWake(Result):
             f"power coefficient {self.power:.5g} +- {self.spread[1] * 100:.2g} %"
         )
 
-    def plot(self, *, ax: Any = None) -> Any:
+    def plot(self, *, ax: Axes | None = None) -> Figure:
         """The filaments that roll up, seen from the side, about the blades; returns the figure."""
         from ..plot.aero import wake as draw
 
         return draw(self, ax=ax)
-
-
-@dataclass(frozen=True)
-class WakeOptions:
-    """Numbers by which a wake is cut into filaments; see `rotor_wake`."""
-
-    strips: int
-    steps: int
-    lattice: int
-    free: int
-    mean: int
-    tail: int
-    cores: Cores
-    threads: int
-
-    @property
-    def turn(self) -> float:
-        """rad: of the rotor in a step."""
-        return 2.0 * np.pi / self.steps
-
-    @property
-    def far(self) -> int:
-        """Ages of the filaments behind the lattice."""
-        return self.free + self.mean - self.lattice
 
 
 def rotor_wake(
@@ -172,7 +153,7 @@ def rotor_wake(
     ('computed', 0.43)
     """
     start = time.perf_counter()
-    case = _Case.checked(rotor, tip_speed_ratio, pitch, yaw, tilt, wake_options(rotor, **options))
+    case = _Case.checked(rotor, tip_speed_ratio, pitch, yaw, tilt, _options(rotor, options))
     choice("inflow of a wake", inflow, INFLOWS)
     wake, found, rounds, agreed = case.steady()
     if inflow == "prescribed-wake":
@@ -181,56 +162,10 @@ def rotor_wake(
     return case.march(wake, found.thrust, count("rotor_wake: turns", turns, 10000, least), start)
 
 
-def wake_options(
-    rotor: Rotor,
-    *,
-    strips: int = 16,
-    steps: int = 24,
-    lattice: float = np.pi / 3.0,
-    free_turns: float = 2.0,
-    mean_turns: float = 2.0,
-    tail_turns: float = 10.0,
-    core_radius: float | None = None,
-    core_growth: float = 2e-4,
-    core: str = "vatistas",
-    exponent: float = 2.0,
-    threads: int = 0,
-) -> WakeOptions:
-    """The options of `rotor_wake`, checked."""
+def _options(rotor: Any, options: Mapping[str, Any]) -> WakeOptions:
     if not isinstance(rotor, Rotor):
         raise ModelError(f"rotor_wake: rotor must be what mb.aero.rotor gives, it is {shown(rotor)}")
-    n = count("rotor_wake: steps", steps, 720, 12)
-    if n % 2:
-        raise ModelError(f"rotor_wake: steps must be even, it is {n}")
-    behind = max(round(_number("lattice", lattice) * n / (2.0 * np.pi)), 2)
-    given = {"free_turns": free_turns, "mean_turns": mean_turns, "tail_turns": tail_turns}
-    free, mean, tail = (round(_number(name, v) * n) for name, v in given.items())
-    if min(free, mean - n, tail) < n // 2:
-        raise ModelError(
-            f"rotor_wake: free_turns and tail_turns must be at least 0.5, mean_turns 1.5; they are {given}"
-        )
-    radius = 0.05 * rotor.radius if core_radius is None else _number("core_radius", core_radius)
-    if not radius > 0.0:
-        raise ModelError(f"rotor_wake: core_radius must be positive, it is {shown(core_radius)}")
-    choice("core of filaments", core, CORES)
-    cores = Cores(radius, _number("core_growth", core_growth), core, _number("exponent", exponent))
-    return WakeOptions(
-        count("rotor_wake: strips", strips, 400, 4),
-        n,
-        behind,
-        free,
-        mean,
-        tail,
-        cores,
-        count("threads", threads, 1000, 0),
-    )
-
-
-def _number(name: str, value: Any) -> float:
-    array = real_array(f"rotor_wake: {name}", value)
-    if array.ndim:
-        raise ModelError(f"rotor_wake: {name} must be one number, it is {shown(value)}")
-    return float(array)
+    return wake_options(rotor.radius, **options)
 
 
 @dataclass(frozen=True)
@@ -258,11 +193,11 @@ class _Case:
     @classmethod
     def checked(cls, rotor: Rotor, ratio: Any, pitch: Any, yaw: Any, tilt: Any, options: WakeOptions) -> _Case:
         still = isinstance(ratio, float) and ratio == np.inf
-        lam = np.inf if still else _number("tip_speed_ratio", ratio)
+        lam = np.inf if still else number("tip_speed_ratio", ratio)
         if not lam > 0.0:
             raise ModelError(f"rotor_wake: tip_speed_ratio must be positive, inf for hover; it is {shown(ratio)}")
-        turned = replace(rotor, pitch=rotor.pitch + _number("pitch", pitch))
-        y, t = _number("yaw", yaw), _number("tilt", tilt)
+        turned = replace(rotor, pitch=rotor.pitch + number("pitch", pitch))
+        y, t = number("yaw", yaw), number("tilt", tilt)
         wind = turned.radius / lam * np.array([np.cos(y) * np.cos(t), np.sin(y) * np.cos(t), np.sin(t)])
         _, middles = strips(turned.hub_radius, turned.tip_radius, options.strips)
         sections = Sections.along(turned.blade, middles)

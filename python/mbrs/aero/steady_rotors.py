@@ -5,17 +5,22 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
 from .._lib.checks import choice, count, real_array, shown
 from ..errors import Interrupted, ModelError
 from ..results import Result, Stats, added_counts, quantity, result
+from .coupled import rotor_of
 from .momentum import Inflow
 from .momentum import inflow as momentum_inflow
 from .rotor_wakes import INFLOWS, RotorWake, rotor_wake
 from .rotors import Rotor
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 __all__ = ["Performance", "performance"]
 
@@ -84,7 +89,7 @@ class Performance(Result):
             )
         return lines
 
-    def plot(self, *, ax: Any = None) -> Any:
+    def plot(self, *, ax: Axes | None = None) -> Figure:
         """Power and thrust coefficients over the tip speed ratio; returns the figure."""
         from ..plot.aero import performance as draw
 
@@ -92,7 +97,7 @@ class Performance(Result):
 
 
 def performance(
-    rotor: Rotor, tip_speed_ratio: Any, *, pitch: float = 0.0, elements: int = 80, inflow: str = "bem", **wake: Any
+    rotor: Any, tip_speed_ratio: Any, *, pitch: float = 0.0, elements: int = 80, inflow: str = "bem", **wake: Any
 ) -> Performance:
     """Coefficients of a rigid rotor in steady uniform wind along its axis, without structure.
 
@@ -101,7 +106,7 @@ def performance(
     Parameters
     ----------
     rotor
-        As from `mbrs.aero.rotor`.
+        As from `mbrs.aero.rotor`; or a model with `Model.aerodynamics`, whose blades are taken as rigid.
     tip_speed_ratio
         (n,) or one number: lambda, positive.
     pitch
@@ -143,8 +148,12 @@ def performance(
     ('converged', array([0.444, 0.461]))
     """
     start = time.perf_counter()
+    if getattr(rotor, "airs", None):
+        rotor = rotor_of(rotor)
     if not isinstance(rotor, Rotor):
-        raise ModelError(f"performance: rotor must be what mb.aero.rotor gives, it is {shown(rotor)}")
+        raise ModelError(
+            f"performance: rotor must be what mb.aero.rotor gives, or a model with m.aerodynamics(...), it is {shown(rotor)}"
+        )
     ratio = np.atleast_1d(real_array("performance: tip_speed_ratio", tip_speed_ratio))
     if ratio.ndim != 1 or not ratio.size or np.any(ratio <= 0.0):
         raise ModelError(f"performance: tip_speed_ratio must be positive numbers, it is {shown(tip_speed_ratio)}")

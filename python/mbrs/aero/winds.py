@@ -29,6 +29,8 @@ class Wind:
         Exponent of the power law.
     reference_height
         m, or None without shear.
+    ground
+        m: where height is zero along ``up``.
     """
 
     speed: float
@@ -36,13 +38,14 @@ class Wind:
     shear: float
     reference_height: float | None
     up: np.ndarray
+    ground: float = 0.0
 
     def velocity(self, points: Any) -> np.ndarray:
         """(..., 3) m/s in world axes at points (..., 3) m; without shear the same everywhere, with shear still at and below height 0."""
         p = np.asarray(points, dtype=float)
         if self.reference_height is None:
             return np.broadcast_to(self.speed * self.direction, p.shape).copy()
-        height = np.maximum(p @ self.up, 0.0) / self.reference_height
+        height = np.maximum(p @ self.up - self.ground, 0.0) / self.reference_height
         return (self.speed * height**self.shear)[..., None] * self.direction
 
 
@@ -52,6 +55,7 @@ def wind(
     shear: float = 0.0,
     reference_height: float | None = None,
     up: Any = "z",
+    ground: float = 0.0,
 ) -> Wind:
     """Describe a steady wind.
 
@@ -66,9 +70,11 @@ def wind(
     shear
         Exponent of the power law, 0 (the same everywhere) to 1; 0.2 over open land, 0.14 offshore.
     reference_height
-        m above the origin of the world; needed with shear.
+        m above the ground; needed with shear.
     up
         "x", "y", "z" or a vector (3,): the direction in which height is counted.
+    ground
+        m: coordinate of the ground along ``up``; 0 by default, negative where the world's origin is above it.
 
     Raises
     ------
@@ -103,6 +109,7 @@ def wind(
         float(exponent),
         float(height) if exponent and height is not None else None,
         _direction("up", up),
+        float(real_array("wind: ground", ground)),
     )
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -13,6 +13,10 @@ from .._lib.checks import count, real_array, shown
 from ..errors import ConvergenceError, ModelError
 from ..results import Result, Stats, quantity, result
 from .blades import Blade
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 __all__ = ["WingLoads", "WingStart", "impulsive_start", "lifting_line"]
 
@@ -49,7 +53,7 @@ class WingLoads(Result):
     def heading(self) -> str:
         return f"wing of aspect ratio {self.aspect_ratio:.5g}: {self.status}, estimated error {np.max(self.error):.1e}"
 
-    def plot(self, *, ax: Any = None) -> Any:
+    def plot(self, *, ax: Axes | None = None) -> Figure:
         """Circulation along the span at each angle; returns the figure."""
         from ..plot.aero import circulation as draw
 
@@ -73,7 +77,7 @@ class WingStart(Result):
     def heading(self) -> str:
         return f"impulsive start over {self.distance[-1]:.5g} m: {self.status}, estimated error {self.error:.1e}"
 
-    def plot(self, *, ax: Any = None) -> Any:
+    def plot(self, *, ax: Axes | None = None) -> Figure:
         """Lift over the distance flown; returns the figure."""
         from ..plot.aero import start as draw
 

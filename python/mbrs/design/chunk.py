@@ -16,7 +16,9 @@ from typing import Any, Protocol
 import numpy as np
 
 from ..errors import ModelError
+from .fast import FastModes, fast_modes
 from .limit import OutOfTime, time_limit
+from .outputs import Analysis
 
 DONE, FAILED, TIMEOUT, KILLED = range(4)
 STATUS = ("done", "failed", "timeout", "killed")
@@ -33,6 +35,7 @@ class Scene(Protocol):
     def prepare(self) -> None: ...
     def model(self) -> Any: ...
     def outputs(self, model: Any) -> Mapping[str, Any]: ...
+    def fast(self, names: tuple[str, ...]) -> FastModes | None: ...
 
 
 @dataclass(frozen=True)
@@ -50,6 +53,9 @@ class LocalScene:
 
     def outputs(self, model: Any) -> Mapping[str, Any]:
         return self.function(model)
+
+    def fast(self, names: tuple[str, ...]) -> FastModes | None:
+        return _fast(self, names) if isinstance(self.function, Analysis) else None
 
 
 @dataclass(frozen=True)
@@ -69,10 +75,20 @@ class PackedScene:
     def outputs(self, model: Any) -> Mapping[str, Any]:
         return _unpacked(self.packed_function)(model)
 
+    def fast(self, names: tuple[str, ...]) -> FastModes | None:
+        return _fast(self, names) if isinstance(_unpacked(self.packed_function), Analysis) else None
+
 
 @lru_cache(maxsize=4)
 def _unpacked(data: bytes) -> Any:
     return pickle.loads(data)
+
+
+@lru_cache(maxsize=4)
+def _fast(scene: LocalScene | PackedScene, names: tuple[str, ...]) -> FastModes | None:
+    """The fast path of a scene, made once for all its chunks."""
+    function = scene.function if isinstance(scene, LocalScene) else _unpacked(scene.packed_function)
+    return fast_modes(scene.model, names, function)
 
 
 @dataclass(frozen=True)
@@ -144,33 +160,73 @@ def run(task: Task, stop: Callable[[], bool] = _never, tick: Callable[[], None] 
     or ``stop`` end the chunk early, with the designs that are finished.
     """
     task.scene.prepare()
-    status: list[int] = []
-    seconds: list[float] = []
-    failures: list[Failure] = []
-    rows: list[tuple[int, dict[str, np.ndarray]]] = []
+    made = _Results(task, tick)
+    fast = task.scene.fast(task.names)
     stopped = False
-    for i, row in enumerate(task.values):
-        if stop():
-            stopped = True
-            break
-        start = time.perf_counter()
+    while len(made.status) < len(task.values) and not stopped:
         try:
-            found = _one(task, row)
+            if stop():
+                stopped = True
+            elif fast is None:
+                made.single()
+            else:
+                made.block(fast)
         except KeyboardInterrupt:
             stopped = True
-            break
+    n = len(made.status)
+    status, seconds = np.array(made.status, np.int8), np.array(made.seconds)
+    return Chunk(task.first, task.values[:n], status, seconds, made.failures, columns_of(made.rows), stopped)
+
+
+class _Results:
+    """Results of the first designs of a task, as they come."""
+
+    def __init__(self, task: Task, tick: Callable[[], None]) -> None:
+        self._task, self._tick = task, tick
+        self.status: list[int] = []
+        self.seconds: list[float] = []
+        self.failures: list[Failure] = []
+        self.rows: list[tuple[int, dict[str, np.ndarray]]] = []
+        # None until the first remark: is it an error (by a filter of warnings)?
+        self._remark_fails: bool | None = None
+
+    def single(self) -> None:
+        """The next design, by Python."""
+        i, start = len(self.status), time.perf_counter()
+        found = _one(self._task, self._task.values[i])
+        seconds = time.perf_counter() - start
         if isinstance(found, Failure):
-            failures.append(Failure(task.first + i, found.error, found.object, found.message))
-            status.append(TIMEOUT if found.error == OutOfTime.__name__ else FAILED)
+            self.failures.append(Failure(self._task.first + i, found.error, found.object, found.message))
+            self._finish(TIMEOUT if found.error == OutOfTime.__name__ else FAILED, seconds)
         else:
-            rows.append((i, found))
-            status.append(DONE)
-        seconds.append(time.perf_counter() - start)
-        tick()
-    n = len(status)
-    return Chunk(
-        task.first, task.values[:n], np.array(status, np.int8), np.array(seconds), failures, columns_of(rows), stopped
-    )
+            self.rows.append((i, found))
+            self._finish(DONE, seconds)
+
+    def _finish(self, status: int, seconds: float) -> None:
+        self.status.append(status)
+        self.seconds.append(seconds)
+        self._tick()
+
+    def block(self, fast: FastModes) -> None:
+        """Some designs, by the core where it can."""
+        first, limit = len(self.status), self._task.limit
+        made = fast.compute(self._task.values[first:])
+        rows = iter(fast.rows(made))
+        for j, (computed, seconds, remark) in enumerate(
+            zip(made.computed.tolist(), made.seconds.tolist(), made.remark.tolist(), strict=True)
+        ):
+            row = next(rows) if computed else None
+            if row is None or (limit is not None and seconds > limit) or (remark and self._fails(first + j)):
+                self.single()
+            else:
+                self.rows.append((first + j, row))
+                self._finish(DONE, seconds)
+
+    def _fails(self, i: int) -> bool:
+        """Let Python say what there is to say of a design, once; whether it makes the design fail."""
+        if self._remark_fails is None:
+            self._remark_fails = isinstance(_one(self._task, self._task.values[i]), Failure)
+        return self._remark_fails
 
 
 def _one(task: Task, row: np.ndarray) -> dict[str, np.ndarray] | Failure:

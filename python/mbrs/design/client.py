@@ -17,7 +17,7 @@ from .chunk import DONE, Chunk, Scene, Task
 from .pools import Pool, Restarted, WorkerLost
 
 # Seconds that a chunk should take: longer, and a client that is killed loses more; shorter, and files and messages cost more than
-# a percent (tests/test_sweep.py, on sizes of chunks).
+# a percent (tests/design/test_sweep.py, on sizes of chunks).
 CHUNK_SECONDS = 10.0
 # Designs of the first chunks, which tell how long one takes.
 PILOT = 4

@@ -16,6 +16,7 @@ from ..linear.modes import modes
 from ..linear.sensitivity import sensitivity
 from ..model.names import shown
 from ..model.tables import tables
+from .goals import Goal
 
 if TYPE_CHECKING:
     from ..model.model import Model
@@ -26,7 +27,7 @@ _KEPT = 20
 
 @dataclass(frozen=True)
 class Bounded:
-    """lower <= objective <= upper for an objective of the motion.
+    """lower <= objective <= upper for an objective of the motion or of linear results.
 
     Examples
     --------
@@ -34,13 +35,16 @@ class Bounded:
     >>> low = mb.Bounded(mb.Final(lambda s: s.position("p")[0]), upper=1.0)
     """
 
-    objective: Objective
+    objective: Objective | Goal
     lower: float = -math.inf
     upper: float = math.inf
 
     def __post_init__(self) -> None:
-        if not isinstance(self.objective, Objective):
-            raise ModelError(f"mb.Bounded takes mb.Integral, mb.Final or mb.AtTimes, got {shown(self.objective)}")
+        if not isinstance(self.objective, Objective | Goal):
+            raise ModelError(
+                "mb.Bounded takes mb.Integral, mb.Final, mb.AtTimes, mb.Match, mb.Peak, mb.MeanSquare or mb.Robust, "
+                f"got {shown(self.objective)}"
+            )
         _limits(self, "mb.Bounded")
 
 
@@ -102,7 +106,7 @@ class DesignFunctions:
     """Objective and constraints of a design with their gradients, as functions of variables: parameters over their scales."""
 
     model: Model
-    objective: Objective
+    objective: Objective | Goal
     labels: tuple[str, ...]
     units: tuple[str, ...]
     options: dict[str, Any]
@@ -113,6 +117,13 @@ class DesignFunctions:
     history: list[tuple[np.ndarray, float]] = field(default_factory=list)
     _known: dict[bytes, tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)
     _modes: dict[tuple[bytes, bool], dict[str, np.ndarray]] = field(default_factory=dict)
+    _linear: dict[tuple[bytes, int], tuple[float, np.ndarray]] = field(default_factory=dict)
+
+    @property
+    def motions(self) -> list[Objective]:
+        """The objectives of the motion, that of the problem first."""
+        goals = [self.objective, *(c.objective for c in self.limits if isinstance(c, Bounded))]
+        return [goal for goal in goals if isinstance(goal, Objective)]
 
     def unscaled(self, z: np.ndarray) -> np.ndarray:
         """Parameters in their units."""
@@ -131,31 +142,54 @@ class DesignFunctions:
         return z.tobytes() + tables(self.model)["x"].tobytes() + bytes(str(self.model.structure_version), "ascii")
 
     def _evaluate(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Values and gradients (rows) of the objective and of the bounded objectives, one motion for all."""
+        """Values and gradients (rows) of all objectives of the motion, one motion for all."""
         key = self._place(z)
         if key not in self._known:
-            goals = [self.objective, *(c.objective for c in self.limits if isinstance(c, Bounded))]
-            found = gradient(self.model, goals, list(self.labels), **self.options)
+            found = gradient(self.model, self.motions, list(self.labels), **self.options)
             if len(self._known) >= _KEPT:
                 self._known.clear()
             self._known[key] = (np.asarray(found.value), np.asarray(found.gradient) * self.scale)
-            self.history.append((self.unscaled(z), float(found.value[0])))
+            if isinstance(self.objective, Objective):
+                self.history.append((self.unscaled(z), float(found.value[0])))
         return self._known[key]
+
+    def _goal(self, goal: Goal, z: np.ndarray) -> tuple[float, np.ndarray]:
+        """Value and gradient of an objective of linear results."""
+        key = self._place(z), id(goal)
+        if key not in self._linear:
+            value, slope = goal.both(self.model, self.labels)
+            if not (math.isfinite(value) and np.all(np.isfinite(slope))):
+                raise ModelError(
+                    f"mb.{type(goal).__name__} has no value or no derivative at this design; keep away with bounds="
+                )
+            if len(self._linear) >= _KEPT * (1 + len(self.limits)):
+                self._linear.clear()
+            self._linear[key] = value, slope * self.scale
+            if goal is self.objective:
+                self.history.append((self.unscaled(z), value))
+        return self._linear[key]
+
+    def both(self, z: np.ndarray) -> tuple[float, np.ndarray]:
+        """The objective, and its gradient (n_p,) by the scaled variables."""
+        if isinstance(self.objective, Goal):
+            return self._goal(self.objective, z)
+        values, gradients = self._evaluate(z)
+        return float(values[0]), gradients[0]
 
     def fun(self, z: np.ndarray) -> float:
         """The objective."""
-        return float(self._evaluate(z)[0][0])
+        return self.both(z)[0]
 
     def jac(self, z: np.ndarray) -> np.ndarray:
         """(n_p,) its gradient by the scaled variables."""
-        return self._evaluate(z)[1][0]
+        return self.both(z)[1]
 
     @property
     def constraints(self) -> list[dict[str, Any]]:
         """Constraints as dictionaries of `scipy.optimize.minimize`: fun(z) >= 0."""
-        out, place = [], 0
+        out, place = [], int(isinstance(self.objective, Objective)) - 1
         for c in self.limits:
-            place += isinstance(c, Bounded)
+            place += isinstance(c, Bounded) and isinstance(c.objective, Objective)
             for sign, limit in ((1.0, c.lower), (-1.0, c.upper)):
                 if math.isfinite(limit):
                     out.append(self._inequality(c, place, sign, limit))
@@ -163,10 +197,12 @@ class DesignFunctions:
 
     def _inequality(self, c: Constraint, place: int, sign: float, limit: float) -> dict[str, Any]:
         def both(z: np.ndarray) -> tuple[float, np.ndarray]:
-            if isinstance(c, Bounded):
-                values, gradients = self._evaluate(z)
-                return float(values[place]), gradients[place]
-            return self._modal(c, z)
+            if not isinstance(c, Bounded):
+                return self._modal(c, z)
+            if isinstance(c.objective, Goal):
+                return self._goal(c.objective, z)
+            values, gradients = self._evaluate(z)
+            return float(values[place]), gradients[place]
 
         return {
             "type": "ineq",

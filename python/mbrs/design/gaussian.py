@@ -13,7 +13,7 @@ from .sampling import MOST, interval, random, require_room
 from .table import Designs, checked_names, checked_units, table
 
 # What rounding may have made of an entry of a Cholesky factor of a correlation matrix, per row and in units of 1: larger, matrices
-# that no distribution has pass; smaller, perfectly correlated numbers are refused (tests/test_sampling.py).
+# that no distribution has pass; smaller, perfectly correlated numbers are refused (tests/design/test_sampling.py).
 SINGULAR = 64 * float(np.finfo(float).eps)
 # Share of draws that must lie within the bounds of a correlated distribution; below it, rejection would take too long.
 LEAST_SHARE = 1e-4

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
 from .._lib.text import unit_note
 from ..results import Result, derived, quantity, result
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 # A constraint that is violated by more than this (relative) does not hold.
 FEASIBLE = 1e-4
@@ -75,7 +79,7 @@ class Optimum(Result):
         """(n,) whether the constraints held at every evaluation, to 1e-4 of their limits."""
         return np.asarray(self.violation <= FEASIBLE)
 
-    def plot(self, *, ax: Any = None, **options: Any) -> Any:
+    def plot(self, *, ax: Axes | None = None, **options: Any) -> Figure:
         """The objective over the evaluations."""
         from ..plot import gradients
 

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import contextlib
+import math
 import multiprocessing
 import os
 import pickle
 import threading
+import time
 from collections.abc import Callable, Iterable
 from concurrent.futures import (
     FIRST_COMPLETED,
@@ -22,11 +24,15 @@ from functools import lru_cache
 from typing import Any
 
 from .._lib.checks import count, shown
-from ..errors import ModelError
+from ..errors import ModelError, RouteError
 from .chunk import Chunk, LocalScene, PackedScene, Scene, Task, run
 from .isolation import leave_with
 
 _MOST_THREADS = 1024
+# Seconds between two looks at the workers of a cluster, and seconds without any after which a sweep gives up. Too small: workers that a
+# queue starts late are not waited for. Too large: a sweep seems to hang. Pinned by tests/design/test_sweep_dask.py.
+_ASK = 5.0
+_ALONE = 300.0
 
 
 class WorkerLost(Exception):
@@ -194,10 +200,22 @@ class Cluster(Pool):
     def finished(self, futures: Iterable[Any], timeout: float | None = None) -> list[Any]:
         from distributed import wait as wait_for
 
-        listed = list(futures)
-        with contextlib.suppress(CancelledError):
-            wait_for(listed, return_when="FIRST_COMPLETED")
-        return [future for future in listed if future.done()]
+        listed, last = list(futures), time.monotonic()
+        end = math.inf if timeout is None else last + timeout
+        while True:
+            now = time.monotonic()
+            with contextlib.suppress(CancelledError, TimeoutError):
+                wait_for(listed, timeout=max(0.0, min(_ASK, end - now)), return_when="FIRST_COMPLETED")
+            done = [future for future in listed if future.done()]
+            if done or time.monotonic() >= end:
+                return done
+            if self._client.nthreads():
+                last = time.monotonic()
+            elif time.monotonic() - last > _ALONE:
+                raise RouteError(
+                    f"the cluster of Dask has had no worker for {_ALONE:.0f} s; start workers and repeat the call, which goes on with what "
+                    "its store= holds"
+                )
 
     def chunk(self, future: Any) -> Chunk:
         from distributed import KilledWorker

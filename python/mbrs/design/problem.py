@@ -1,4 +1,4 @@
-"""Optimisation of a motion: `mb.problem` makes what `scipy.optimize.minimize` takes."""
+"""Optimisation of a motion or of linear results: `mb.problem` makes what `scipy.optimize.minimize` takes."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from ..model.names import nearest, shown
 from ..model.tables import directions
 from ..motion.tangent import value_at
 from .functions import Constraint, DesignFunctions, number_or_infinite
+from .goals import Goal, Sum
 from .optimum import Optimum
 from .solver import solve
 
@@ -62,31 +63,32 @@ class Problem(DesignFunctions):
 
 def problem(
     m: Model,
-    objective: Objective,
+    objective: Objective | Goal | Sequence[Goal],
     parameters: str | Sequence[str],
-    t: float,
+    t: float | None = None,
     *,
     bounds: Mapping[str, tuple[float, float]] | None = None,
     constraints: Sequence[Constraint] = (),
     scale: Mapping[str, float] | None = None,
     **options: Any,
 ) -> Problem:
-    """min objective(p) of a motion over parameters, with bounds and constraints, for `scipy.optimize`.
+    """min objective(p) of a motion, of modes or of transfer functions over parameters, with bounds and constraints, for `scipy.optimize`.
 
     Parameters
     ----------
     m
         The model; evaluations set its parameters.
     objective
-        `mb.Integral`, `mb.Final` or `mb.AtTimes`.
+        Of a motion: `mb.Integral`, `mb.Final` or `mb.AtTimes`. Of linear results: `mb.Match`, `mb.Peak`, `mb.MeanSquare`, one of
+        them over a sample, `mb.Robust`, or a list of such, which are added up.
     parameters
         Addresses of single numbers.
     t
-        s; the end of the motion.
+        s; the end of the motion, where an objective or a constraint is one of a motion.
     bounds
         {address: (lower, upper)}; None or an infinite number where there is none.
     constraints
-        `mb.Bounded` objectives of the motion, `mb.Frequency` and `mb.Damping` of its modes, mixed.
+        `mb.Bounded` objectives, `mb.Frequency` and `mb.Damping` of modes, mixed.
     scale
         {address: size}; variables are parameters over it. The present value, or 1 where that is 0.
     **options
@@ -104,7 +106,8 @@ def problem(
 
     Notes
     -----
-    Gradients of the motion: docs/theory.md (20.1), (20.2); of its modes: (9.5). Cost: one motion with its gradient per evaluation.
+    Gradients of the motion: docs/theory.md (20.1), (20.2); of its modes: (9.5). Cost: one motion with its gradient per evaluation, or
+    what the objectives of linear results say.
 
     Examples
     --------
@@ -128,24 +131,44 @@ def problem(
     now = np.array([float(m.value(label)) for label in along.labels])
     given = [_scales(scale, along.labels).get(label) for label in along.labels]
     sizes = np.array([s or abs(p) or 1.0 for s, p in zip(given, now.tolist(), strict=True)])
-    if not isinstance(objective, Objective):
-        raise ModelError(f"objective= takes mb.Integral, mb.Final or mb.AtTimes, got {shown(objective)}")
+    goal = _objective(objective)
     limits = _bounds(bounds, along.labels, sizes)
     wanted = () if constraints is None else constraints
     if not isinstance(wanted, (list, tuple)) or not all(isinstance(c, Constraint) for c in wanted):
         raise ModelError(
             f"constraints= takes a list of mb.Bounded, mb.Frequency and mb.Damping, got {shown(constraints)}"
         )
-    return Problem(
+    made = Problem(
         model=m,
-        objective=objective,
+        objective=goal,
         labels=along.labels,
         units=along.units,
-        options={"t": finite("t", t), **options},
+        options=dict(options),
         scale=sizes,
         x0=now / sizes,
         bounds=limits,
         limits=tuple(wanted),
+    )
+    if made.motions:
+        if t is None:
+            raise ModelError("t= is missing: the end of the motion in s")
+        made.options["t"] = finite("t", t)
+    elif t is not None or options:
+        name = "t" if t is not None else next(iter(options))
+        raise ModelError(
+            f"{name}= belongs to motions, and no objective or constraint here is one of a motion; leave it out"
+        )
+    return made
+
+
+def _objective(given: Any) -> Objective | Goal:
+    if isinstance(given, Objective | Goal):
+        return given
+    if isinstance(given, list | tuple) and given and all(isinstance(one, Goal) for one in given):
+        return Sum(tuple(given))
+    raise ModelError(
+        "objective= takes mb.Integral, mb.Final or mb.AtTimes of a motion, or mb.Match, mb.Peak, mb.MeanSquare or mb.Robust of linear "
+        f"results, got {shown(given)}"
     )
 
 

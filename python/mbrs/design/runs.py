@@ -6,7 +6,7 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import field
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -15,6 +15,10 @@ from ..errors import ModelError, NameNotFoundError
 from ..results import Result, quantity, result
 from .chunk import DONE, FAILED, STATUS, Chunk, Failure, checked, columns_of
 from .table import Designs, table
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 # Code of a design without a result.
 WAITING = -1
@@ -60,7 +64,7 @@ class Failures(Result):
         ]
         return ["designs", "reason", "error", "object", "first", "its message"], rows
 
-    def plot(self, *, ax: Any = None) -> Any:
+    def plot(self, *, ax: Axes | None = None) -> Figure:
         """Draw the number of failed designs of each kind; returns the figure."""
         from ..plot.sweeps import failures as draw
 
@@ -221,7 +225,7 @@ class Runs(Result):
         lines += [f"{len(d)} {key[0]}: {key[1]} {key[2]}".rstrip() for key, d in self.failures.kinds().items()][:5]
         return lines
 
-    def plot(self, *names: str, kind: str = "", colour: str = "", ax: Any = None) -> Any:
+    def plot(self, *names: str, kind: str = "", colour: str = "", ax: Axes | None = None) -> Figure:
         """Draw the runs; returns the figure.
 
         Parameters

@@ -12,6 +12,7 @@ import numpy as np
 
 from .._lib.border import require_memory
 from .._lib.checks import count, real_array, shown
+from .._lib.formats import open_file
 from ..errors import ModelError
 from .table import Designs, checked_names, checked_units, table
 
@@ -133,9 +134,9 @@ def from_table(given: Any, *, units: Mapping[str, str] | None = None) -> Designs
     Parameters
     ----------
     given
-        A mapping of columns, a `pandas.DataFrame`, a NumPy array with named fields, the path of a CSV file with one heading,
-        or `Designs`. A heading may carry a unit, ``"k_leg [N/m]"``; a column ``design`` that counts rows from 0 is left out.
-        Values keep every bit.
+        A mapping of columns, a `pandas.DataFrame`, a NumPy array with named fields, the path of a CSV file with one heading or of a
+        Parquet file, or `Designs`. A heading may carry a unit, ``"k_leg [N/m]"``; a column ``design`` that counts rows from 0 is left
+        out. Values keep every bit.
     units
         Labels of the numbers, before those of the headings.
     """
@@ -249,7 +250,7 @@ def require_room(n: int, columns: int) -> None:
 
 def _columns(given: Any) -> dict[str, Any]:
     if isinstance(given, str | Path):
-        return _csv(Path(given))
+        return _parquet(Path(given)) if Path(given).suffix.lower() == ".parquet" else _csv(Path(given))
     if isinstance(given, np.ndarray) and given.dtype.names:
         return {name: given[name] for name in given.dtype.names}
     if isinstance(given, Mapping) or hasattr(given, "columns"):
@@ -257,6 +258,18 @@ def _columns(given: Any) -> dict[str, Any]:
     raise ModelError(
         f"a table of designs must be a mapping, a DataFrame, named fields or a CSV file, it is {shown(given)}"
     )
+
+
+def _parquet(path: Path) -> dict[str, Any]:
+    try:
+        from pyarrow import ArrowException, BufferReader, parquet
+    except ImportError:
+        raise ModelError("Parquet needs pyarrow, which is not installed: pip install 'mbrs-dynamics[tables]'") from None
+    try:
+        found = parquet.read_table(BufferReader(open_file(path)))
+        return {name: found[name].to_numpy(zero_copy_only=False) for name in found.column_names}
+    except (ArrowException, OSError, ValueError) as problem:
+        raise ModelError(f"{path.name} is not a Parquet file that can be read: {problem}") from None
 
 
 def _headed(given: Mapping[str, Any]) -> tuple[dict[str, np.ndarray], dict[str, str]]:

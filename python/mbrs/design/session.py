@@ -16,7 +16,7 @@ from ..errors import DesignError, Interrupted, MbrsError, ModelError, StoreError
 from . import pools
 from .chunk import DONE, Chunk
 from .client import Client, Keeper, Range
-from .sources import describe
+from .sources import describe, model_functions
 from .store import Store, identity
 from .table import Designs, fingerprint, table
 
@@ -66,7 +66,7 @@ class Session:
             text = dumps(neutral)
         except ModelError as reason:
             raise ModelError(f"a sweep with store= keeps its model as text, and {reason}") from None
-        return identity(text, describe(self.outputs), self.designs)
+        return identity(text + model_functions(text), describe(self.outputs), self.designs)
 
     @contextmanager
     def opened(self) -> Iterator[Store | None]:

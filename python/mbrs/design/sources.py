@@ -5,6 +5,8 @@ from __future__ import annotations
 import ast
 import hashlib
 import inspect
+import re
+import sys
 import textwrap
 import types
 from collections.abc import Callable
@@ -12,6 +14,8 @@ from typing import Any
 
 from ..errors import ModelError
 
+# "module:name" as a value of TOML
+_NAMED = re.compile(r'"([A-Za-z_][\w.]*:[A-Za-z_][\w.]*)"')
 _PLAIN = (bool, int, float, complex, str, bytes, type(None))
 
 
@@ -38,6 +42,21 @@ def describe(function: Callable[..., Any]) -> dict[str, Any]:
     parts: dict[str, str] = {}
     _collect(function, parts)
     return {"function": f"{function.__module__}:{function.__qualname__}", "source": parts}
+
+
+def model_functions(text: str) -> str:
+    """Comments for the TOML text of a model: the source of each function that it names, as far as its module is loaded."""
+    found: dict[str, str] = {}
+    for name in sorted(set(_NAMED.findall(text))):
+        module, _, path = name.partition(":")
+        value: Any = sys.modules.get(module)
+        for part in path.split("."):
+            value = getattr(value, part, None)
+        if isinstance(value, types.FunctionType):
+            parts: dict[str, str] = {}
+            _collect(value, parts)
+            found[name] = _stable(parts)
+    return "".join(f"# {name}: {source}\n" for name, source in found.items())
 
 
 def digest(description: Any) -> str:

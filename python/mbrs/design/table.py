@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
 from .._lib.checks import shown
 from ..errors import ModelError, NameNotFoundError
 from ..results import Result, result
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 
 @result
@@ -86,7 +90,7 @@ class Designs(Result):
         rows = zip(self.names, self.units, *(side.tolist() for side in sides), strict=True)
         return ["number", "unit", "least", "mean", "largest"], [list(line) for line in rows]
 
-    def plot(self, *, ax: Any = None) -> Any:
+    def plot(self, *, ax: Axes | None = None) -> Figure:
         """Every design as a line over its numbers, each scaled to its range; returns the figure."""
         from ..plot.sweeps import parallel
 

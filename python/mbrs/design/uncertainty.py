@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -13,6 +13,10 @@ from ..errors import ModelError
 from ..results import Result, quantity, result
 from .sampling import MOST, known_moments, quantile, random, require_finite, require_room
 from .table import Designs, checked_names, checked_units, table
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 # Resamplings that the standard errors of indices come from: fewer, and these scatter by more than a tenth of themselves.
 RESAMPLINGS = 200
@@ -65,7 +69,7 @@ class SobolIndices(Result):
     def heading(self) -> str:
         return f"Sobol indices of {self.output!r} from {self.used} blocks"
 
-    def plot(self, *, ax: Any = None) -> Any:
+    def plot(self, *, ax: Axes | None = None) -> Figure:
         """Both indices of each number with their standard errors; returns the figure."""
         from ..plot.sweeps import indices
 
@@ -91,7 +95,7 @@ class DerivativeMeasures(Result):
     def heading(self) -> str:
         return f"derivative-based measures of {self.output!r}"
 
-    def plot(self, *, ax: Any = None) -> Any:
+    def plot(self, *, ax: Axes | None = None) -> Figure:
         """The bound of each number; returns the figure."""
         from ..plot.sweeps import indices
 
@@ -139,7 +143,7 @@ class Statistics(Result):
         sides = np.column_stack([self.mean, self.sd, self.linear_mean, self.linear_sd, self.quantile]).tolist()
         return columns, [[*heads, *side] for *heads, side in zip(self.entries, self.units, sides, strict=True)]
 
-    def plot(self, *, ax: Any = None) -> Any:
+    def plot(self, *, ax: Axes | None = None) -> Figure:
         """Standard deviation over the mean of every entry, from the designs and to first order; returns the figure."""
         from ..plot.sweeps import indices
 

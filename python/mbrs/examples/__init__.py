@@ -10,6 +10,7 @@ from ._four_bar import four_bar, four_bars
 from ._gap import gap_problem
 from ._heavy_top import heavy_top
 from ._hexapod import cubic_hexapod, cubic_hexapod_points
+from ._known_values import error_table
 from ._lattices import chain, from_code, ladder, tree
 from ._nonlinear import clearance_oscillator, engine_on_mounts, ladder_with_gap
 from ._oscillators import (
@@ -30,7 +31,7 @@ from ._slider_crank import slider_crank
 from ._stewart import stewart_platform
 from ._swing import swing
 from ._wafer_stage import wafer_stage
-from ._wind_rotor import wind_blade, wind_rotor
+from ._wind_rotor import wind_blade, wind_rotor, wind_rotor_blades
 from ._windpact import windpact_blade
 
 __all__ = [
@@ -41,6 +42,7 @@ __all__ = [
     "cubic_hexapod_points",
     "duffing",
     "engine_on_mounts",
+    "error_table",
     "five_bar",
     "four_bar",
     "four_bars",
@@ -68,5 +70,6 @@ __all__ = [
     "wafer_stage",
     "wind_blade",
     "wind_rotor",
+    "wind_rotor_blades",
     "windpact_blade",
 ]

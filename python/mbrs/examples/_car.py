@@ -30,7 +30,7 @@ POINTS = {
     "spring_low": (0.0, 0.58, 0.21),
     "spring_top": (0.0, 0.50, 0.60),
 }
-# Of spring and tyre at 9.81 m/s2: the drawn car has no accelerations (tests/test_gradient_examples.py).
+# Of spring and tyre at 9.81 m/s2: the drawn car has no accelerations (tests/examples/test_gradient_examples.py).
 PRELOADS = {"front": (-5390.164650919, -3713.386846154), "rear": (-4632.892083171, -3241.903153846)}
 STIFFNESS = {"front": 6.0e4, "rear": 5.2e4}
 DAMPING = {"front": 4.2e3, "rear": 3.8e3}

@@ -50,12 +50,11 @@ class _Builder:
         c = options.get("c", LATTICE_C)
         self.c = None if c is None else tuple(v / share for v in c)
 
-    def body(self, name: str, x: float, y: float, angle: float = 0.0) -> Any:
+    def body(self, name: str, at: tuple[float, float, float], angle: float = 0.0) -> Any:
         turn = rotation("z", angle) if angle else None
-        return self.m.body(name, mass=self.mass, inertia=self.inertia, at=(x, y, 0.0), orientation=turn)
+        return self.m.body(name, mass=self.mass, inertia=self.inertia, at=at, orientation=turn)
 
-    def connect(self, label: str, a: Any, b: Any, x: float, y: float, angle: float = 0.0) -> None:
-        at = (x, y, 0.0)
+    def connect(self, label: str, a: Any, b: Any, at: tuple[float, float, float], angle: float = 0.0) -> None:
         frame = rotation("z", angle) if angle else (1.0, 0.0, 0.0, 0.0)
         if self.joint is not None:
             getattr(self.m, self.joint)(f"J{label}", a, b, at=at, orientation=frame)
@@ -78,8 +77,8 @@ def _count(what: str, n: Any) -> int:
     return int(n)
 
 
-def chain(n: int, joint: str | None = "revolute", springs: int = 1, **options: Any) -> Model:
-    """n bodies in a row from ground, "B1" to "Bn", 0.2 m each along x.
+def chain(n: int, joint: str | None = "revolute", springs: int = 1, along: str = "z", **options: Any) -> Model:
+    """n bodies in a row from ground, "B1" to "Bn", 0.2 m each.
 
     Parameters
     ----------
@@ -89,6 +88,9 @@ def chain(n: int, joint: str | None = "revolute", springs: int = 1, **options: A
         "revolute", "prismatic", "cylindrical", "spherical" (or R, P, C, S); None for bushings alone. Free axis: z.
     springs
         Six-component spring-dampers (bushings) at each joint; together they have the coefficients k and c.
+    along
+        "z" as the source prints the chain: all hinges share one axis, so that R twists and P stretches. "x" lays the
+        chain across the free axes: R bends in the plane.
     **options
         ``mass`` kg, ``inertia`` (3,) kg m2, ``k`` (6,), ``c`` (6,) or None, ``gravity`` (3,).
 
@@ -109,10 +111,16 @@ def chain(n: int, joint: str | None = "revolute", springs: int = 1, **options: A
     Model('chain': 3 bodies, 3 joints, 3 elements, 0 loads, 0 parameters)
     """
     build = _Builder("chain", joint, springs, options)
+    if along not in ("x", "z"):
+        raise ModelError(f'along must be "z" (the source) or "x" (across the free axes), got {along!r}')
+
+    def place(s: float) -> tuple[float, float, float]:
+        return (s, 0.0, 0.0) if along == "x" else (0.0, 0.0, s)
+
     previous = build.m.ground
     for i in range(1, _count("n", n) + 1):
-        body = build.body(f"B{i}", 0.2 * i - 0.1, 0.0)
-        build.connect(f"{i}", previous, body, 0.2 * i - 0.2, 0.0)
+        body = build.body(f"B{i}", place(0.2 * i - 0.1))
+        build.connect(f"{i}", previous, body, place(0.2 * i - 0.2))
         previous = body
     return build.m
 
@@ -130,10 +138,10 @@ def tree(layers: int, joint: str | None = "revolute", springs: int = 1, **option
         row = []
         for j in range(1, 2 ** (i - 1) + 1):
             parent = (j + 1) // 2
-            body = build.body(f"B{i},{j}", j, i)
+            body = build.body(f"B{i},{j}", (j, i, 0.0))
             # Odd children: local x along (parent - 1, 1); even ones: along (parent, 1).
             run = j - parent
-            build.connect(f"{i},{j}", above[parent - 1], body, (parent + j) / 2, i - 0.5, math.atan2(1.0, run))
+            build.connect(f"{i},{j}", above[parent - 1], body, ((parent + j) / 2, i - 0.5, 0.0), math.atan2(1.0, run))
             row.append(body)
         above = row
     return build.m
@@ -150,12 +158,12 @@ def ladder(layers: int, joint: str | None = "revolute", springs: int = 1, **opti
     build = _Builder("ladder", joint, springs, options)
     below = build.m.ground
     for i in range(1, _count("layers", layers) + 1):
-        stiles = [build.body(f"B{i},{u}", 0.2 * u - 0.3, 0.2 * i - 0.1) for u in (1, 2)]
-        rung = build.body(f"B{i},3", 0.0, 0.2 * i, math.pi / 2)
+        stiles = [build.body(f"B{i},{u}", (0.2 * u - 0.3, 0.2 * i - 0.1, 0.0)) for u in (1, 2)]
+        rung = build.body(f"B{i},3", (0.0, 0.2 * i, 0.0), math.pi / 2)
         for u, stile in enumerate(stiles, 1):
-            build.connect(f"{i},{u}a", below, stile, 0.2 * u - 0.3, 0.2 * (i - 1))
+            build.connect(f"{i},{u}a", below, stile, (0.2 * u - 0.3, 0.2 * (i - 1), 0.0))
         for u, stile in enumerate(stiles, 1):
-            build.connect(f"{i},{u}b", stile, rung, 0.2 * u - 0.3, 0.2 * i)
+            build.connect(f"{i},{u}b", stile, rung, (0.2 * u - 0.3, 0.2 * i, 0.0))
         below = rung
     return build.m
 

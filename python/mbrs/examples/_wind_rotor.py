@@ -11,6 +11,8 @@ from ..flexible import ModalBody, beam
 from ..model.model import Model
 from ..model.motions import Ramp
 from ._windpact import (
+    CHORD,
+    CHORD_AT,
     DAMPING,
     HUB_INERTIA,
     HUB_MASS,
@@ -125,6 +127,42 @@ def wind_blade(modes: int = 4) -> ModalBody:
         damping=ratio,
         nodes={"section": 0.85 * data.station[-1]},
     )
+
+
+def wind_rotor_blades(sections: int = 16) -> list[Any]:
+    """The blades of `wind_rotor` as air sees them, for `Model.aerodynamics`: chord and sections invented, of the size of a 1.5 MW blade.
+
+    Parameters
+    ----------
+    sections
+        Strips of each blade.
+
+    Returns
+    -------
+    list of `mbrs.aero.Blade`
+        One on each of "blade1" to "blade3"; stations count from the axis.
+
+    Examples
+    --------
+    >>> import mbrs as mb
+    >>> m = mb.examples.wind_rotor(air=None)
+    >>> m.aerodynamics("air", mb.examples.wind_rotor_blades(), wind=mb.aero.wind(8.0), inflow="bem")
+    <aerodynamics 'air' of 'wind rotor'>
+    """
+    from ..aero import blade, polar
+
+    a = np.radians(np.arange(-20.0, 20.5, 1.0))
+    lift = 2 * np.pi * np.sin(a) * (1.0 - 0.25 * np.abs(a) / a[-1])
+    thin = polar(a, lift + 0.3, 0.007 + 0.05 * a**2, 0 * a - 0.05, thickness=0.18, name="thin").extend(
+        aspect_ratio=17.0
+    )
+    thick = polar(a, 0.6 * lift, 0.03 + 0.3 * a**2, thickness=0.45, name="thick").extend(aspect_ratio=17.0)
+    data = windpact_blade()
+    at = np.array(CHORD_AT)
+    twist = np.interp(at - HUB_RADIUS, data.station, data.twist)
+    thickness = np.interp(at, [at[0], 9.5, 20.0, at[-1]], [0.45, 0.32, 0.22, 0.18])
+    given: dict[str, Any] = {"thickness": thickness, "root": HUB_RADIUS, "sections": sections}
+    return [blade(at, CHORD, twist, [thin, thick], body=name, **given) for name in BLADES]
 
 
 def _rotation(axis: np.ndarray, side: np.ndarray, angle: float) -> np.ndarray:

@@ -43,6 +43,11 @@ _DISTRIBUTION = """
 _TWIST = (9.5, 7.9, 6.3, 4.7, 3.1, 2.6, 2.1, 1.6, 1.1, 0.6, 0.48, 0.36, 0.24, 0.12, 0.0)
 
 
+# Chord over the distance from the axis, m: invented, of the size of a 1.5 MW blade.
+CHORD_AT = (1.75, 5.1, 9.5, 13.9, 18.4, 22.8, 27.2, 31.7, 35.0)
+CHORD = (1.9, 2.3, 2.7, 2.4, 2.1, 1.75, 1.43, 1.13, 0.95)
+
+
 @dataclass(frozen=True)
 class BladeData:
     """Distributions over the stations (n,): place from the root (m), kg/m, N m2, N m2, rad."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -15,6 +15,9 @@ from .._lib.rotations import skew
 from .._lib.text import number, table
 from ..errors import InertiaError, ModelError
 from ._archive import read_arrays
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 __all__ = ["ModalBody"]
 
@@ -252,7 +255,7 @@ class ModalBody:
         except ModelError as reason:
             raise type(reason)(f"{path}: {reason}") from None
 
-    def plot(self, modes: Any = None) -> Any:
+    def plot(self, modes: Any = None) -> Figure:
         """The shapes: displacement of the points of the line along the body for each mode, over the distance along the
         line. ``modes``: indices, all (at most 12) by default. Returns a matplotlib figure.
         """

@@ -41,6 +41,7 @@ from .objectives import Evaluation, Integral, NewReading, Objective, Reader, eva
 
 if TYPE_CHECKING:
     from ..model.model import Model
+    from ..system.state import StateLike
 
 # gradients of two step sizes that differ by more than this (relative) have not begun to converge
 _UNRELATED = 0.3
@@ -70,7 +71,7 @@ def gradient(
     rtol: float | None = None,
     scheme: str = "ali3p",
     method: str = "auto",
-    at: Any = None,
+    at: StateLike = None,
     without: Sequence[str] = (),
     weight: str | None = None,
     rho: float | None = None,

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
 from .._lib.vetter import Derivative
 from ..errors import ModelError
 from ..results import Result, derived, quantity, result
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 
 @result
@@ -57,6 +61,7 @@ class MotionGradient(Result):
     def __iter__(self) -> Iterator[Any]:
         return iter((self.value, self.gradient))
 
+    answers_sensitivity: ClassVar[bool] = True  # `mb.sensitivity` of it is its own method
     row: ClassVar[str] = "parameter"
     axes: ClassVar[Mapping[str, str]] = {"parameter": "labels"}
 
@@ -117,7 +122,7 @@ class MotionGradient(Result):
             stats=self.stats,
         )
 
-    def plot(self, kind: str = "tornado", *, ax: Any = None, **options: Any) -> Any:
+    def plot(self, kind: str = "tornado", *, ax: Axes | None = None, **options: Any) -> Figure:
         """Bars of the change of the objective by one per cent of each parameter, or by ``change=`` ("tornado")."""
         if kind != "tornado":
             raise ModelError(f"there is no plot {kind!r} of a gradient; known is 'tornado'")
@@ -163,7 +168,7 @@ class MotionSensitivity(Result):
         note = unit_note(self.labels, self.units)
         return [note] if note else []
 
-    def plot(self, *, ax: Any = None) -> Any:
+    def plot(self, *, ax: Axes | None = None) -> Figure:
         """Derivatives as bars, each over the largest of its objective; returns the figure."""
         from ..plot.studies import motion_sensitivity
 

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 
 # Numbers with fewer significant digits than these are meant as they stand (0.25, 1.5); with more, they were cut off (0.70711), and by up
 # to half a unit of their last digit. Too small: loops of exact files become doubtful. Too large: linkages with seven digits lock. Pinned by
-# tests/test_io_mjcf.py.
+# tests/io/test_mjcf.py.
 _CUT = 5
-# The largest accuracy that is concluded from digits, of lengths over the size and of angles. Pinned by tests/test_io_mjcf.py.
+# The largest accuracy that is concluded from digits, of lengths over the size and of angles. Pinned by tests/io/test_mjcf.py.
 LARGEST = 1e-3
 _DECIMALS = re.compile(r"[+-]?([0-9]*)\.?([0-9]*)(?:[eE]([+-]?[0-9]+))?")
 _LENGTHS = frozenset(("pos", "anchor", "fromto", "xyz"))

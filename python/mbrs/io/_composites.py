@@ -14,7 +14,7 @@ from ._poses import Array
 
 # Sine of the angle by which axes of one composite may miss a right angle or being parallel, and the distance of axes over the size of
 # the link by which they may miss each other. Too small: hand-typed axes of seven digits are refused. Too large: a leaning axis is
-# straightened. Pinned by tests/test_io_mjcf.py.
+# straightened. Pinned by tests/io/test_mjcf.py.
 ALIGNED = 1e-6
 
 

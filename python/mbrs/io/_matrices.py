@@ -12,7 +12,7 @@ from ..errors import MbrsError, ModelError
 from ._xml import clipped
 
 # Rows or columns of the largest matrix that is read. Too small: large meshes are refused. Too large: a header with a wrong number fills
-# the memory with pointers of columns. Pinned by tests/test_io_hostile.py.
+# the memory with pointers of columns. Pinned by tests/io/test_hostile.py.
 LARGEST_SIDE = 5_000_000
 # Entries up to which a matrix becomes a dense array (32 MB). Too small: small systems take the sparse routes. Too large: memory.
 LARGEST_DENSE = 4_000_000

@@ -13,7 +13,7 @@ from ._tree import Builder, Coupling
 from ._xml import Node, clipped
 
 # How far a <weld> may ask bodies from where they are drawn, in m and rad: hand-typed poses of seven digits pass. Pinned by
-# tests/test_io_mjcf.py.
+# tests/io/test_mjcf.py.
 _AS_DRAWN = 1e-6
 _SOFTNESS = ("solref", "solimp", "torquescale")
 

@@ -13,7 +13,7 @@ from ..errors import ModelError, NameNotFoundError
 from ._poses import Array, Frame, Inertia, from_quaternion, turned
 from ._xml import Node, Source, clipped, parse
 
-# Files that include each other end here. Too small: deeply nested models are refused. Pinned by tests/test_io_hostile.py.
+# Files that include each other end here. Too small: deeply nested models are refused. Pinned by tests/io/test_hostile.py.
 _DEEPEST = 16
 _ORIENTATIONS = ("quat", "axisangle", "xyaxes", "zaxis", "euler")
 # kg/m3, MuJoCo's default

@@ -17,7 +17,7 @@ from ._accuracy import Accuracy
 from ._poses import Frame
 from ._xml import Node, Source, clipped
 
-# How many folders above a robot's own may be the package that it names. Pinned by tests/test_io_pictures.py.
+# How many folders above a robot's own may be the package that it names. Pinned by tests/io/test_pictures.py.
 _ABOVE = 3
 
 

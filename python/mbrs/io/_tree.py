@@ -23,7 +23,7 @@ from ._poses import Array, Frame, Inertia
 from ._xml import Source, clipped
 
 # rad/s or m/s; the rate at which 76 % of a dry friction acts, tanh(rate / this). Too small: steps of integrators become tiny. Too
-# large: joints that should stick creep. Pinned by tests/test_io_urdf.py.
+# large: joints that should stick creep. Pinned by tests/io/test_urdf.py.
 FRICTION_RATE = 1e-3
 
 

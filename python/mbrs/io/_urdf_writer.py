@@ -19,7 +19,7 @@ from ..view.shapes import frame as along
 from ._poses import Array, Frame, roll_pitch_yaw_of
 
 # A limit this large is none: URDF wants numbers for every prismatic joint. Too small: a real limit is taken for none. Pinned by
-# tests/test_io_urdf.py.
+# tests/io/test_urdf.py.
 NO_LIMIT = 1e30
 _SINGLE = {"revolute": "continuous", "prismatic": "prismatic", "planar": "planar", "free": "floating", "fixed": "fixed"}
 _COMPOSED = ("cylindrical", "universal", "spherical")

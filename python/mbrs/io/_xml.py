@@ -13,7 +13,7 @@ from ..errors import ModelError
 from ._accuracy import Accuracy
 
 # Bytes of the largest XML file. Too small: robots of many thousand bodies are refused. Too large: building the tree of a file takes
-# about ten times its size. Pinned by tests/test_io_hostile.py.
+# about ten times its size. Pinned by tests/io/test_hostile.py.
 LARGEST_XML = 32 * 1024 * 1024
 _NUMBER = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
 _DECLARED = re.compile(r"<!(DOCTYPE|ENTITY)", re.I)

@@ -22,7 +22,7 @@ from ..errors import ModelError
 from ._matrices import LARGEST_SIDE, guarded, tidy
 
 # Bytes that the variables of a compressed file may have together. Too small: large sparse matrices are refused. Too large: small files
-# fill the memory. Pinned by tests/test_io_hostile.py.
+# fill the memory. Pinned by tests/io/test_hostile.py.
 LARGEST_UNPACKED = 1024**3
 _HEADER = 128
 _MATRIX, _COMPRESSED = 14, 15

@@ -13,7 +13,7 @@ from .._lib.matrix_files import MatrixSet
 from ..errors import ModelError
 from ._matrices import guarded, tidy
 
-# Rows and columns of all DMIG entries together. The library holds them as dense tables. Pinned by tests/test_io_hostile.py.
+# Rows and columns of all DMIG entries together. The library holds them as dense tables. Pinned by tests/io/test_hostile.py.
 _LARGEST = 5_000
 
 

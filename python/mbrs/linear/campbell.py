@@ -27,6 +27,9 @@ from .modes import modes
 from .steady import SteadyMotion, steady_motion
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
     from .._lib.text import Block
     from ..model.model import Model
     from .critical_speeds import Crossing
@@ -133,7 +136,7 @@ class CampbellResult(Result):
         """Frequencies over the speed, then the critical speeds."""
         return [*super().blocks(), self.critical.block()]
 
-    def plot(self, *, ax: Any = None, **options: Any) -> Any:
+    def plot(self, *, ax: Axes | None = None, **options: Any) -> Figure:
         """Frequencies over the speed; returns the figure, see `mbrs.plot.campbell`."""
         from ..plot import campbell as draw
 

@@ -17,7 +17,7 @@ EXCITED = 1e-6
 # Relative accuracy of a critical speed at which Newton stops, and the change of rows at which matrices count as polynomials of the speed.
 # A root with |s|^2 below this many times what rounding of the stiffness adds up to in its shape is that of a rigid motion, at 0 but for
 # rounding. Too small: the turning itself counts as a critical speed; too large: soft modes beside stiff ones are lost. Pinned by
-# tests/test_critical_rigid.py.
+# tests/linear/test_critical_rigid.py.
 RIGID = 1e3
 LOCATED, POLYNOMIAL = 1e-11, 1e-9
 # Steps below this that do not become smaller are rounding. Larger: a slowly converging root is called found; smaller: stiff models lose

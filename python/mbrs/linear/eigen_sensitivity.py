@@ -7,7 +7,7 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -16,6 +16,10 @@ from .._lib.text import without_rounding
 from ..errors import ModelError
 from ..results import Result, Stats, derived, quantity, result
 from .modal_result import ModalResult, array_of
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 _EPS = float(np.finfo(float).eps)
 
@@ -60,7 +64,7 @@ class DirectionalDerivative(Result):
     def heading(self) -> str:
         return f"derivatives of {len(self.frequency)} modes along one change of the parameters"
 
-    def plot(self, *, ax: Any = None) -> Any:
+    def plot(self, *, ax: Axes | None = None) -> Figure:
         """Change of each natural frequency as bars; returns the figure."""
         from ..plot.studies import directional
 
@@ -236,7 +240,7 @@ class EigenSensitivity(Result):
             notes.append("- where no derivative exists (near-defective, rigid, or a group cut by n=).")
         return notes
 
-    def plot(self, *, ax: Any = None, **options: Any) -> Any:
+    def plot(self, *, ax: Axes | None = None, **options: Any) -> Figure:
         """Tornado chart (`mbrs.plot.tornado`); returns the Matplotlib figure."""
         from ..plot import tornado
 
@@ -392,14 +396,16 @@ def _error(modal: ModalResult) -> np.ndarray:
     gap = distance.min(axis=1, initial=np.inf)
     gap = np.where(np.isfinite(gap), gap, np.abs(s))
     noise = modal.error + _EPS * np.nan_to_num(modal.condition, nan=1.0)
-    return noise * (1.0 + np.divide(np.abs(s), gap, out=np.zeros(len(s)), where=gap > 0.0))
+    return np.asarray(noise * (1.0 + np.divide(np.abs(s), gap, out=np.zeros(len(s)), where=gap > 0.0)))
 
 
 def _omega(s: np.ndarray, ds: np.ndarray) -> np.ndarray:
     """d|s| = Re(conj(s) ds)/|s|; at s = 0 it exists only where ds = 0."""
     size = np.abs(s)[:, None]
     at_zero = np.where(ds == 0.0, 0.0, np.nan)
-    return np.divide((s.conj()[:, None] * ds).real, size, out=at_zero, where=np.broadcast_to(size > 0.0, ds.shape))
+    return np.asarray(
+        np.divide((s.conj()[:, None] * ds).real, size, out=at_zero, where=np.broadcast_to(size > 0.0, ds.shape))
+    )
 
 
 def _damping(s: np.ndarray, ds: np.ndarray) -> np.ndarray:

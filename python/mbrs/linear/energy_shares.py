@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
 from .._lib.text import Block
 from ..results import Result, quantity, result
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 
 @result
@@ -64,7 +68,7 @@ class EnergyShares(Result):
             for title, names, values in self.parts()
         ]
 
-    def plot(self, *, ax: Any = None) -> Any:
+    def plot(self, *, ax: Axes | None = None) -> Figure:
         """Shares as coloured cells over the modes; with ``ax`` those of the kinetic energy. Returns the figure."""
         from ..plot.matrices import energy_shares
 
@@ -81,7 +85,7 @@ def energy_shares(r: Any) -> EnergyShares:
         parts = (x.conj() * (a @ x)).real
         total = parts.sum(axis=0)
         scale = np.abs(parts).sum(axis=0)
-        return np.divide(parts, total, out=np.full_like(parts, np.nan), where=np.abs(total) > 1e-12 * scale)
+        return np.asarray(np.divide(parts, total, out=np.full_like(parts, np.nan), where=np.abs(total) > 1e-12 * scale))
 
     kinetic = shares(r.system.M)
     strain = shares(r.system.K)

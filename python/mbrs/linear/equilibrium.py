@@ -14,7 +14,7 @@ from .. import _core
 from .._lib.border import core_errors
 from .._lib.progress import while_long
 from .._lib.text import Block, without_rounding
-from ..errors import ConvergenceError, MbrsWarning, NameNotFoundError
+from ..errors import ConvergenceError, MbrsWarning
 from ..model.schema import BODY
 from ..results import Result, Stats, derived, quantity, result
 from ..system.effects import check_without, effects
@@ -22,13 +22,18 @@ from ..system.snapshot import Snapshot
 from ..system.state import AT_REST, State, doubts_of, state_of, warn_of_doubts
 from .linearization import Linearization
 from .linearize import linearization_at
+from .state_result import StateResult
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
     from ..model.model import Model
+    from ..system.state import StateLike
 
 
 @result
-class Equilibrium(Result):
+class Equilibrium(StateResult, Result):
     """A state at rest in which all forces balance.
 
     Attributes
@@ -88,35 +93,6 @@ class Equilibrium(Result):
     def attributes(self) -> dict[str, Any]:
         return {**super().attributes(), "stable": int(self.stable)}
 
-    @property
-    def model(self) -> Any:
-        """The model this belongs to."""
-        return self.linearization.model
-
-    @property
-    def bodies(self) -> tuple[str, ...]:
-        """Names of the bodies."""
-        return self.linearization.bodies
-
-    @property
-    def poses(self) -> dict[str, np.ndarray]:
-        """Position (n, 3) and rotation (n, 3, 3) of the bodies' origins, world."""
-        return self.linearization.poses
-
-    def position(self, body: Any) -> np.ndarray:
-        """(3,) world position of a body's origin."""
-        return self.poses["position"][self._index(body)]
-
-    def rotation(self, body: Any) -> np.ndarray:
-        """(3, 3) rotation matrix of a body, body to world."""
-        return self.poses["rotation"][self._index(body)]
-
-    def _index(self, body: Any) -> int:
-        name = getattr(body, "name", body)
-        if name not in self.bodies:
-            raise NameNotFoundError(f"there is no body {name!r}; bodies: {', '.join(self.bodies)}")
-        return self.bodies.index(name)
-
     @cached_property
     def reactions(self) -> dict[str, np.ndarray]:
         """Wrench (6,) of each joint on its second body at the joint's point, world axes, N and N m.
@@ -160,14 +136,14 @@ class Equilibrium(Result):
         out.extend(Block(title=f"doubtful: {sentence}") for sentence in self.doubts)
         return out
 
-    def plot(self, *, ax: Any = None) -> Any:
+    def plot(self, *, ax: Axes | None = None) -> Figure:
         """The drawn model in grey and the equilibrium in colour, seen in the plane in which it is widest; returns the figure."""
         from ..plot.models import equilibrium as draw
 
         return draw(self, ax=ax)
 
 
-def equilibrium(m: Model, *, at: Any = None, without: Sequence[str] = ()) -> Equilibrium:
+def equilibrium(m: Model, *, at: StateLike = None, without: Sequence[str] = ()) -> Equilibrium:
     """Static equilibrium: B''^T (f(y)) = 0 with all loops closed.
 
     Newton with steps along |K|^-1, each shortened until the force along it, or the next step (P. Deuflhard's natural test),

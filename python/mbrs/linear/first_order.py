@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -12,6 +12,10 @@ from .._lib.text import Block, without_rounding
 from ..errors import ModelError, SingularError
 from ..results import Result, quantity, result
 from .linear_system import LinearSystem, dense
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 _ORDER = {"displacement": 0, "velocity": 1, "acceleration": 2}
 
@@ -63,7 +67,7 @@ class StateSpace(Result):
         ]
         return [Block(["", *self.states, *self.inputs], rows, f"StateSpace: {self.heading()}")]
 
-    def plot(self, *, ax: Any = None) -> Any:
+    def plot(self, *, ax: Axes | None = None) -> Figure:
         """Eigenvalues of A in the complex plane; returns the figure."""
         from ..plot.matrices import eigenvalues
 

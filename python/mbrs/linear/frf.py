@@ -61,7 +61,7 @@ class FrfResult(Result):
     @property
     def magnitude(self) -> np.ndarray:
         """|H|, (n_out, n_in, n_freq)."""
-        return np.abs(self.value)
+        return np.asarray(np.abs(self.value))
 
     @property
     def phase(self) -> np.ndarray:

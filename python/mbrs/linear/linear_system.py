@@ -12,7 +12,8 @@ import numpy as np
 
 from .. import _core
 from .._lib.border import core_errors
-from ..errors import ModelError, NameNotFoundError
+from ..errors import ModelError
+from ..model.names import index
 from .relaxation import Relaxation, relaxation_of
 
 EFFECT_OF = {"C": "damping", "G": "gyroscopic", "N": "circulatory"}
@@ -159,13 +160,7 @@ def _is_coordinate(p: Any) -> bool:
 
 def _coordinate(p: Any, coordinates: tuple[str, ...], what: str) -> int:
     if isinstance(p, str):
-        if p in coordinates:
-            return coordinates.index(p)
-        import difflib
-
-        near = difflib.get_close_matches(p, coordinates, n=1, cutoff=0.0)
-        hint = f"; the nearest is {near[0]!r}" if near else ""
-        raise NameNotFoundError(f"{what}: there is no coordinate {p!r}{hint}")
+        return index(f"{what}: no coordinate", p, coordinates)
     if not -len(coordinates) <= p < len(coordinates):
         raise ModelError(f"{what}: coordinate {p} does not exist, there are {len(coordinates)}")
     return int(p) % len(coordinates)

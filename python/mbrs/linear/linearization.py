@@ -21,12 +21,16 @@ from ..results import Result, derived, quantity, result
 from ..system.snapshot import Snapshot
 from ..system.state import State
 from ..view.scene import SceneGeometry
+from .constraint_maps import cut_map, open_map
 from .first_order import StateSpace, first_order
 from .inertia import mass_matrices, mass_matrix_at
 from .linear_system import EFFECT_OF, assembled
 from .strains import Strains, strains_at
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
     from ..model.model import Model
 
 
@@ -83,6 +87,23 @@ class Linearization(Result):
         """Number of degrees of freedom."""
         return len(self.coordinates)
 
+    @cached_property
+    def B_open(self) -> np.ndarray:
+        """(6 n_bodies, n_tree) B', the open-loop constraint matrix: twists of the bodies by the tree coordinates, from which
+        B'^T X B' makes the matrices of the open tree. `T` = B_open @ B_cut.
+
+        Computed when asked for, O(n_tree n_bodies); docs/theory.md (5.1) to (5.6).
+        """
+        return open_map(self.snapshot.system, self.state)
+
+    @cached_property
+    def B_cut(self) -> np.ndarray:
+        """(n_tree, dof) B'', the cut-joint constraint matrix: tree coordinates by minimal ones; the identity without loops.
+
+        Computed when asked for, O(n_tree^3) where loops are closed.
+        """
+        return cut_map(self.snapshot.system, self.state, self.coordinates, self.without)
+
     @property
     def model(self) -> Model:
         """The model this belongs to."""
@@ -102,7 +123,7 @@ class Linearization(Result):
     def poses(self) -> dict[str, np.ndarray]:
         """Position (n, 3), rotation (n, 3, 3), velocity and angular velocity (n, 3) of the bodies' origins, world."""
         with core_errors():
-            return self.snapshot.system.bodies(self.state.q, self.state.rate)
+            return dict(self.snapshot.system.bodies(self.state.q, self.state.rate))
 
     @cached_property
     def body_mass_matrices(self) -> np.ndarray:
@@ -196,7 +217,7 @@ class Linearization(Result):
         drawn = t["x"][start:]
         r_drawn = quaternion_matrix(drawn[BODY.block.slice("orientation")])
         local = r_drawn.T @ (np.asarray(point) - drawn[BODY.block.slice("at")])
-        return self.poses["rotation"][body] @ local
+        return np.asarray(self.poses["rotation"][body] @ local)
 
     def input_map(self, ports: Sequence[Any]) -> tuple[np.ndarray, np.ndarray, tuple[str, ...]]:
         """Columns (dof, n_in) of inputs, the derivative of the input they multiply (2 for base motion), and their
@@ -224,14 +245,14 @@ class Linearization(Result):
         if self.state.moving:
             raise ModelError("base motion of a moving (rotating) state is not available; linearise at rest")
         if not port.is_rotation:
-            return np.r_[port.direction, np.zeros(3)]
+            return np.asarray(np.r_[port.direction, np.zeros(3)])
         fixed = [load.name for load in self.model.loads if load.frame == "world"]
         if fixed:
             raise ModelError(
                 f"{port.name!r} turns ground, but the load {fixed[0]!r} keeps its direction in space, which this input map "
                 "does not hold; use a translation, or leave the load out"
             )
-        return np.r_[np.zeros(3), port.direction]
+        return np.asarray(np.r_[np.zeros(3), port.direction])
 
     def tilt_map(self, ports: Sequence[Any]) -> tuple[np.ndarray, tuple[int, ...]]:
         """Columns (dof, k) of those inputs that turn ground under gravity, times their angle, and which inputs they are.
@@ -286,7 +307,7 @@ class Linearization(Result):
     def notes(self) -> list[str]:
         return [f"unbalanced force: {self.error:.1e} of all forces"]
 
-    def plot(self, *, ax: Any = None) -> Any:
+    def plot(self, *, ax: Axes | None = None) -> Figure:
         """Size of the entries of the matrices; with ``ax`` those of K. Returns the figure."""
         from ..plot.matrices import matrices
 

@@ -6,10 +6,11 @@ import time
 import warnings
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from .. import _core
 from .._lib.border import core_errors
 from ..errors import MbrsWarning, ModelError
 from ..model.model import Model
@@ -18,16 +19,15 @@ from ..system.effects import check_without, effects
 from ..system.snapshot import Snapshot
 from ..system.state import State, state_of
 from .linearization import Linearization
-from .parts import split_damping, split_stiffness
-from .rounding import motion_scale, stiffness_without_rounding
+from .node_loads import check_node_loads
 
-# Rounding of a few dozen terms that cancel, relative to their size.
-_CANCELLED = 1e-14
-# An unbalanced force above this part of all forces makes a linearisation at rest questionable.
-BALANCED = 1e-6
+if TYPE_CHECKING:
+    from ..system.state import StateLike
+
+BALANCED: float = _core.BALANCED
 
 
-def linearize(m: Model, *, at: Any = None, without: Sequence[str] = ()) -> Linearization:
+def linearize(m: Model, *, at: StateLike = None, without: Sequence[str] = ()) -> Linearization:
     """Linearise a model exactly at a state.
 
     M y" + (C + G) y' + (K + N) y = B^T f, with y the increments of the minimal coordinates: springs, preload, follower
@@ -79,28 +79,26 @@ def linearize(m: Model, *, at: Any = None, without: Sequence[str] = ()) -> Linea
     without = check_without(without)
     snapshot = Snapshot.of(m, without)
     state = state_of(m, snapshot.system, at)
-    with core_errors():
-        r = snapshot.system.linearize(
-            state.q, state.rate, list(without), state.memory.tolist(), state.acceleration.tolist()
-        )
+    r = matrices_at(snapshot, state, without)
+    if not state.moving:  # forces of a motion are those of its accelerations, which a linearisation does not know
+        check_node_loads(snapshot, r["node_forces"])
     return linearization_at(snapshot, state, r, without, start, warn=True)
+
+
+def matrices_at(snapshot: Snapshot, state: State, without: Sequence[str]) -> dict[str, Any]:
+    """The core's linearisation at a state, in the axes of a steady motion."""
+    with core_errors():
+        found: dict[str, Any] = snapshot.system.linearize(
+            state.q, state.rate, list(without), state.memory.tolist(), state.acceleration.tolist(), state.turn
+        )
+    return found
 
 
 def linearization_at(
     snapshot: Snapshot, state: State, r: dict[str, Any], without: tuple[str, ...], start: float, warn: bool
 ) -> Linearization:
-    """The linearisation that the core's matrices ``r`` at a state make, without what rounding left in them."""
-    model = snapshot.model
-    r = _seen_from(state, r)
-    D, S = _without_rounding(snapshot, state, r) if state.moving else (r["D"], r["S"])
-    sizes = np.asarray(r["force_sizes"])
-    reach = motion_scale(r["T"], snapshot.system.characteristic_length)
-    forces = np.outer(np.sqrt(sizes) * reach, np.sqrt(sizes) * reach)
-    C, G = split_damping(D, state.moving or _cross_coupled(model, "c"))
-    K, N = split_stiffness(S, forces, conservative=not state.moving and not _has_no_potential(model))
-    natural = sizes * reach
-    left_over = np.divide(np.abs(r["residual"]), natural, out=np.zeros(len(reach)), where=natural > 0.0)
-    error = float(np.max(left_over, initial=0.0))
+    """The linearisation of the core's matrices ``r`` at a state."""
+    model, error = snapshot.model, r["error"]
     if state.kind == "equilibrium" and error > BALANCED:  # of values that have changed since
         state = replace(state, kind="given")
     if warn and not state.moving and error > BALANCED:
@@ -110,12 +108,12 @@ def linearization_at(
             stacklevel=3,
         )
     on = tuple(e for e in effects(model).on if e not in without)
-    made = Linearization(
+    return Linearization(
         M=r["M"],
-        C=C,
-        G=G,
-        K=K,
-        N=N,
+        C=r["C"],
+        G=r["G"],
+        K=r["K"],
+        N=r["N"],
         coordinates=tuple(r["coordinates"]),
         T=r["T"],
         bodies=tuple(snapshot.tables["body_name"]),
@@ -130,7 +128,6 @@ def linearization_at(
         error=error,
         status="converged" if error <= BALANCED or state.moving else "off-equilibrium",
     )
-    return made if state.moving else made.replaced(K=stiffness_without_rounding(made, reach, forces))
 
 
 def _unbalance(r: dict[str, Any]) -> str:
@@ -142,59 +139,6 @@ def _unbalance(r: dict[str, Any]) -> str:
         return f"{r['residual'][worst]:.3g} N or N m are unbalanced at {r['coordinates'][worst]!r}"
     worst = int(np.argmax(np.abs(acceleration)))
     return f"{r['coordinates'][worst]!r} would accelerate at {-acceleration[worst]:.3g} (m or rad)/s2"
-
-
-def _seen_from(state: State, r: dict[str, Any]) -> dict[str, Any]:
-    """D and S of increments z in the axes of a steady motion, y = exp(W t) z: D + 2 M W and S + D W + M W^2."""
-    W = state.turn
-    if W is None:
-        return r
-    if W.shape != r["M"].shape:
-        raise ModelError(
-            f"at= is a steady motion with {len(W)} degrees of freedom, which are {len(r['M'])} here; compute it again from this model, "
-            "with the same effects"
-        )
-    D = np.zeros_like(r["M"]) if r["D"] is None else r["D"]
-    return {**r, "D": D + 2.0 * r["M"] @ W, "S": r["S"] + D @ W + r["M"] @ W @ W}
-
-
-def _without_rounding(snapshot: Snapshot, state: State, r: dict[str, Any]) -> tuple[np.ndarray | None, np.ndarray]:
-    """D and S of a moving state without entries that inertia terms leave where they cancel.
-
-    Rotation at w adds terms of size w^2 sqrt(M_ii M_jj) to S_ij and w sqrt(M_ii M_jj) to D_ij. Their rounding in a row that
-    nothing else holds, that of the turning itself, would pass for a stiffness there. It is taken out here, where w is known:
-    the matrices alone do not tell it from a weak spring beside a stiff one, and in a plane motion D is rounding as well.
-    """
-    spin = np.linalg.norm(snapshot.system.bodies(state.q, state.rate)["angular_velocity"], axis=1)
-    w = float(np.max(spin, initial=0.0))
-    size = np.sqrt(np.diag(r["M"]))
-    rounding = _CANCELLED * np.outer(size, size)
-
-    def cleaned(x: np.ndarray, scale: float) -> np.ndarray:
-        return np.where(np.abs(x) <= scale * rounding, 0.0, x)
-
-    D = r["D"]
-    return None if D is None else cleaned(D, w), cleaned(r["S"], w * w)
-
-
-def _has_no_potential(model: Any) -> bool:
-    """True where loads turn with a body, torques are fixed in the world (their work depends on the order of turns), or bushings couple
-    across.
-    """
-    follows = any(load.frame == "body" or load.type == "torque" for load in model.loads)
-    return follows or _cross_coupled(model, "k")
-
-
-def _cross_coupled(model: Any, name: str) -> bool:
-    """True where a full 6 x 6 bushing is not symmetric, such as that of a journal bearing, and where a law sees several coordinates."""
-    if any(len(law.components) > 1 for laws in model.laws.values() for law in laws):
-        return True
-    cached = model.cache.get("full bushings")
-    if cached is None or cached[0] != model.structure_version:
-        full = [(e.name, n) for e in model.elements for n in ("k", "c") if e.shapes.get(n) == (6, 6)]
-        cached = model.cache["full bushings"] = (model.structure_version, full)
-    values = (model.value(f"{element}.{n}") for element, n in cached[1] if n == name)
-    return any(not np.array_equal(k, k.T) for k in values)
 
 
 def second_order_of(m: Any, at: Any, without: Sequence[str]) -> Linearization:

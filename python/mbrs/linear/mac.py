@@ -56,7 +56,7 @@ def mac(a: Any, b: Any, *, weight: Any = None) -> np.ndarray:
     wx = x if weight is None else _weight(weight, len(x)) @ x
     product = np.abs(x.conj().T @ wy) ** 2
     size = np.outer(np.einsum("ij,ij->j", x.conj(), wx).real, np.einsum("ij,ij->j", y.conj(), wy).real)
-    return np.divide(product, size, out=np.zeros_like(product), where=size > 0.0)
+    return np.asarray(np.divide(product, size, out=np.zeros_like(product), where=size > 0.0))
 
 
 def _shapes(a: Any) -> np.ndarray:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -13,10 +13,14 @@ from ..errors import ModelError
 from ..results import Result, Stats, derived, quantity, result
 from .frf import FrfResult
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
 __all__ = ["MeasuredFunction", "Measurement"]
 
 # FRFs of one set have the same frequencies up to the digits of a text file; the share by which they may differ. Too small: sets with
-# rounded axes fall apart. Too large: other sampling passes. Pinned by tests/test_io_uff.py.
+# rounded axes fall apart. Too large: other sampling passes. Pinned by tests/io/test_uff.py.
 _SAME_AXIS = 1e-5
 
 
@@ -88,14 +92,16 @@ class Measurement(Result):
     @derived(dims=("mode",), unit="Hz", label="natural frequency")
     def frequency(self) -> np.ndarray:
         """(n_mode,) |s|/2pi in Hz."""
-        return np.abs(self.eigenvalue) / (2.0 * math.pi)
+        return np.asarray(np.abs(self.eigenvalue) / (2.0 * math.pi))
 
     @property
     @derived(dims=("mode",), unit="1", label="damping ratio")
     def damping(self) -> np.ndarray:
         """(n_mode,) -Re s/|s|."""
         size = np.abs(self.eigenvalue)
-        return np.divide(-self.eigenvalue.real, size, out=np.full(len(size), np.nan), where=size > 0.0) + 0.0
+        return np.asarray(
+            np.divide(-self.eigenvalue.real, size, out=np.full(len(size), np.nan), where=size > 0.0) + 0.0
+        )
 
     def frf(self, quantity: str | None = None) -> FrfResult:
         """The frequency responses as one matrix; nan where a pair was not measured.
@@ -156,8 +162,16 @@ class Measurement(Result):
             kinds[name] = kinds.get(name, 0) + 1
         return [f"{n} x {name}" for name, n in kinds.items()]
 
-    def plot(self, *, ax: Any = None) -> Any:
-        """Magnitudes of all frequency responses, and the natural frequencies as vertical lines; returns the figure."""
+    def plot(self, *, against: Any = None, ax: Axes | None = None) -> Figure:
+        """Magnitudes of all frequency responses, and the natural frequencies as vertical lines; returns the figure.
+
+        Parameters
+        ----------
+        against
+            `FrfResult` of a model, drawn as dashed lines; of its functions those of the same ports where there are such.
+        ax
+            Axes to draw into.
+        """
         from ..plot.measurement import measurement as draw
 
-        return draw(self, ax=ax)
+        return draw(self, against=against, ax=ax)

@@ -7,15 +7,24 @@ import time
 from collections.abc import Mapping
 from functools import cached_property
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
+from .. import _core
 from .._lib.text import number, without_rounding
 from ..errors import NameNotFoundError
+from ..model.names import index
 from ..results import FIXED_LABELS, Result, Stats, added_counts, derived, quantity, result
 from .energy_shares import EnergyShares, energy_shares
 from .mac import mac as _mac
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+    from numpy.typing import ArrayLike
+
+    from ..model.aliases import BodyLike
 
 TWIST = FIXED_LABELS["component"]
 KINDS = ("rigid", "vibration", "overdamped", "flutter", "divergence")
@@ -24,8 +33,6 @@ _UNRESOLVED = 1e-9
 # Relative error of an eigenvalue above which a result is not called converged. Too small: critical damping and defects, which have no
 # more digits than these, count as failures. Too large: wrong digits pass. Pinned by tests/truth/test_graded_modes.py.
 _DOUBTFUL = 1e-4
-# Roots that a symmetry makes equal come out this far apart: positions and closed loops carry some rounding.
-_SAME = 1e-11
 
 
 @result
@@ -116,26 +123,28 @@ class ModalResult(Result):
     @property
     def omega(self) -> np.ndarray:
         """(n,) |s| in rad/s."""
-        return np.abs(self.eigenvalue)
+        return np.asarray(np.abs(self.eigenvalue))
 
     @property
     @derived(dims=("mode",), unit="Hz", label="natural frequency")
     def frequency(self) -> np.ndarray:
         """(n,) |s|/2pi in Hz: the undamped natural frequency only for underdamped modes of proportional damping."""
-        return np.abs(self.eigenvalue) / (2.0 * math.pi)
+        return np.asarray(np.abs(self.eigenvalue) / (2.0 * math.pi))
 
     @property
     @derived(dims=("mode",), unit="Hz", label="damped frequency")
     def frequency_damped(self) -> np.ndarray:
         """(n,) |Im s|/2pi in Hz: what one sees in a decaying vibration."""
-        return np.abs(self.eigenvalue.imag) / (2.0 * math.pi)
+        return np.asarray(np.abs(self.eigenvalue.imag) / (2.0 * math.pi))
 
     @property
     @derived(dims=("mode",), unit="1", label="damping ratio")
     def damping(self) -> np.ndarray:
         """(n,) damping ratio -Re s/|s|; 1 for overdamped modes, negative for unstable ones, nan for rigid ones."""
         size = np.abs(self.eigenvalue)
-        return np.divide(-self.eigenvalue.real, size, out=np.full(len(size), np.nan), where=size > 0.0) + 0.0
+        return np.asarray(
+            np.divide(-self.eigenvalue.real, size, out=np.full(len(size), np.nan), where=size > 0.0) + 0.0
+        )
 
     @property
     def unstable(self) -> np.ndarray:
@@ -171,9 +180,9 @@ class ModalResult(Result):
     def _same(self, i: int, j: int) -> bool:
         if "rigid" in (self.kind[i], self.kind[j]) or self.near_defective[i] or self.near_defective[j]:
             return False
-        return abs(self.eigenvalue[i] - self.eigenvalue[j]) <= _SAME * abs(self.eigenvalue[j])
+        return bool(abs(self.eigenvalue[i] - self.eigenvalue[j]) <= _core.SAME_ROOT * abs(self.eigenvalue[j]))
 
-    def body_shape(self, body: Any) -> np.ndarray:
+    def body_shape(self, body: BodyLike) -> np.ndarray:
         """Motion of a body's origin, (6, n) complex: x y z rx ry rz in world axes, m and rad.
 
         Parameters
@@ -188,16 +197,14 @@ class ModalResult(Result):
         """
         names, maps = self._bodies()
         motion = getattr(self.system, "body_motion", None)
-        name = getattr(body, "name", body)
-        if name not in names:
-            known = ", ".join(names) if names else "none: these are modes of plain matrices"
-            raise NameNotFoundError(f"there is no body {name!r}; bodies: {known}")
-        i = names.index(name)
+        if not names:
+            raise NameNotFoundError("modes of plain matrices have no bodies; take modes of a Model")
+        i = index("no body", body, names)
         if motion is not None:
             return np.asarray(motion(i), dtype=complex)
         return np.asarray(maps[6 * i : 6 * i + 6] @ self.shape, dtype=complex)
 
-    def mac(self, other: Any, *, weight: Any = None) -> np.ndarray:
+    def mac(self, other: ModalResult | ArrayLike, *, weight: ArrayLike | None = None) -> np.ndarray:
         """MAC of these shapes with those of another result, (n, n_other); see `mbrs.mac`."""
         return _mac(self, other, weight=weight)
 
@@ -245,7 +252,7 @@ class ModalResult(Result):
             notes.append("* near-defective: two roots almost meet (critical damping).")
         return notes
 
-    def plot(self, *, ax: Any = None, **options: Any) -> Any:
+    def plot(self, *, ax: Axes | None = None, **options: Any) -> Figure:
         """Poles, and without ``ax`` how much each coordinate moves (`mbrs.plot.modes`); returns the figure."""
         from ..plot import modes as draw
 
@@ -260,16 +267,18 @@ class ModalResult(Result):
 
 def _status(r: dict[str, Any], n: int) -> str:
     """A nan is never good enough; the error of a rigid mode is a frequency, not a share."""
-    elastic = np.array(r["kind"][:n]) != "rigid"
-    good = np.all(r["backward_error"][:n] <= _UNRESOLVED) and np.all(r["error"][:n][elastic] <= _DOUBTFUL)
-    return "converged" if good and np.all(np.isfinite(r["shape"][:, :n])) else "unresolved"
+    error = r["error"][:n]
+    if "rigid" in r["kind"][:n]:
+        error = error[np.array(r["kind"][:n]) != "rigid"]
+    good = (r["backward_error"][:n] <= _UNRESOLVED).all() and (error <= _DOUBTFUL).all()
+    return "converged" if good and np.isfinite(r["shape"][:, :n]).all() else "unresolved"
 
 
 def modal_result(system: Any, r: dict[str, Any], n: int | None, effects: tuple[str, ...], start: float) -> ModalResult:
     """The modes that the core found for a system, the first n or all."""
     n = len(r["eigenvalue"]) if n is None else n
     shape = r["shape"][:, :n]
-    if not np.any(shape.imag):
+    if not shape.imag.any():
         shape = np.ascontiguousarray(shape.real)
     groups = [tuple(i for i in range(first, first + count) if i < n) for first, count in r["groups"]]
     own = r["partner_mode"] < n

@@ -21,14 +21,9 @@ from .matrices import MechanicalSystem
 from .modal_result import ModalResult, array_of, modal_result
 from .relaxation import relaxation_of, relaxing_modes
 from .sparse_modes import is_large, model_modes, sparse_modes
-from .stiffness_factor import is_strained, stiffness_factor
+from .stiffness_factor import stiffness_factor
 
 _MATRIX_EFFECTS = {"damping": "C", "gyroscopic": "G", "circulatory": "N"}
-# Relative error of an assembled model's frequency from which on the factor of its stiffness is worth a second solution. Too small:
-# ordinary models are solved twice. Too large: soft modes keep the rounding of stiff springs. Pinned by tests/truth/test_graded_modes.py.
-_GRADED = 1e-9
-# A smaller pivot of M means that M is ill-conditioned: light bodies are lost in the rounding of heavy ones. Then a factor of M is used.
-_LIGHTEST = 1e-5
 
 
 def modes(
@@ -209,7 +204,7 @@ def _with_its_masses(
     """Modes, and the factor of M that they needed where light bodies are lost beside heavy ones in M itself."""
     try:
         r = _core.dense_modes(mass, damping, gyroscopic, stiffness, circulatory, f)
-        if r["mass_pivot"] >= _LIGHTEST or not hasattr(system, "mass_factor"):
+        if not r["light"] or not hasattr(system, "mass_factor"):
             return r, None
     except _core.CoreSingularError:
         if not hasattr(system, "mass_factor"):
@@ -222,14 +217,13 @@ def _factor_for(system: Any, r: dict[str, Any]) -> np.ndarray | None:
     """A model's own factor of K, where assembled matrices have lost digits of soft modes or hide them among the rigid ones."""
     if r["route"] not in ("undamped", "proportional") or not hasattr(system, "snapshot"):
         return None
+    if not r["blurred"] and "rigid" not in r["kind"]:
+        return None
     rigid = np.array(r["kind"]) == "rigid"
-    blurred = not np.all(r["error"][~rigid] <= _GRADED)
-    if not blurred and not np.any(rigid):
-        return None
     factor = stiffness_factor(system)
-    if factor is None or not (blurred or is_strained(factor, r["shape"][:, rigid].real, system.M)):
-        return None
-    return factor
+    if factor is None or r["blurred"]:
+        return factor
+    return factor if _core.is_strained(factor, r["shape"][:, rigid].real, system.M) else None
 
 
 def _matrix(name: str, a: Any) -> np.ndarray:

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
 from .._lib.checks import complex_array, count, flag, names, real_array, shown
 from ..errors import ModelError
 from ..results import Result, quantity, result
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 __all__ = ["RotorModes", "multiblade", "rotor_modes"]
 
@@ -68,12 +72,12 @@ def multiblade(values: Any, azimuth: Any, inverse: bool = False) -> np.ndarray:
         columns.append(np.broadcast_to((-1.0) ** np.arange(n), psi.shape))
     back = np.stack(columns, axis=-1)  # q = back a
     if flag("multiblade: inverse", inverse):
-        return np.einsum("...ij,...j->...i", back, q)
+        return np.asarray(np.einsum("...ij,...j->...i", back, q))
     weight = np.full(n, 2.0 / n)
     weight[0] = 1.0 / n
     if n % 2 == 0:
         weight[-1] = 1.0 / n
-    return np.einsum("...ij,...i->...j", back, q) * weight
+    return np.asarray(np.einsum("...ij,...i->...j", back, q) * weight)
 
 
 @result
@@ -112,7 +116,7 @@ class RotorModes(Result):
         ]
         return ["mode", "f turning [Hz]", "f fixed [Hz]", "family", "share", "blade moves"], rows
 
-    def plot(self, *, ax: Any = None) -> Any:
+    def plot(self, *, ax: Axes | None = None) -> Figure:
         """Frequencies as a fixed observer sees them, coloured by family; returns the figure."""
         from ..plot.matrices import rotor_modes as draw
 

@@ -47,7 +47,7 @@ class Relaxation:
     def stiffness(self, omega: np.ndarray) -> np.ndarray:
         """(m, n_omega) complex stiffnesses k i omega / (i omega + rate)."""
         s = 1j * np.asarray(omega)[None, :]
-        return self.k[:, None] * s / (s + self.rate[:, None])
+        return np.asarray(self.k[:, None] * s / (s + self.rate[:, None]))
 
     def extended(self, M: np.ndarray, D: np.ndarray | None, S: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Mass, damping and gyroscopic, and stiffness matrix of (y, p)."""

@@ -6,7 +6,7 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, ClassVar, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, Protocol, Self, TypeVar, overload
 
 import numpy as np
 
@@ -18,8 +18,18 @@ from ..model.ports import Port, as_port
 from ..model.schema import BODY, MARKER
 from ..model.tables import Directions, directions, tables
 from ..results import Result, Stats, derived, quantity, result
+from .eigen_sensitivity import EigenSensitivity, eigen_sensitivity
+from .frf import FrfResult, FrfSensitivity, frf_sensitivity
+from .linear_system import as_list
 from .linearization import Linearization
+from .modal_result import ModalResult
 from .parts import split
+from .response import ResponseResult, ResponseSensitivity, response_sensitivity
+from .state_result import StateResult
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,7 +162,7 @@ class LinearizationSensitivity(Result):
         velocities = [
             int(s) + i for s in tables(lin.model)["body_x"] for part in moving for i in range(part.start, part.stop)
         ]
-        return _cross_couples(lin.model, along, "c") | _touches(along, velocities)
+        return np.asarray(_cross_couples(lin.model, along, "c") | _touches(along, velocities))
 
     @cached_property
     def has_N(self) -> np.ndarray:
@@ -188,7 +198,7 @@ class LinearizationSensitivity(Result):
         note = unit_note(self.labels, self.units)
         return [note] if note else []
 
-    def plot(self, *, ax: Any = None) -> Any:
+    def plot(self, *, ax: Axes | None = None) -> Figure:
         """Largest entries of dM and dK by each parameter, each over the largest of its matrix; returns the figure."""
         from ..plot.derivatives import linearization_sensitivity
 
@@ -228,14 +238,47 @@ class EquilibriumSensitivity(Result):
         note = unit_note(self.labels, self.units)
         return [note] if note else []
 
-    def plot(self, *, ax: Any = None) -> Any:
+    def plot(self, *, ax: Axes | None = None) -> Figure:
         """Displacement of each body by each parameter, as bars; returns the figure."""
         from ..plot.derivatives import equilibrium_sensitivity
 
         return equilibrium_sensitivity(self, ax=ax)
 
 
-def sensitivity(result: Any, parameters: str | Sequence[str], *, equilibrium: str = "follow") -> Any:
+Follow = Literal["follow", "hold"]
+_Derivatives = TypeVar("_Derivatives", covariant=True)
+
+
+class _HasSensitivity(Protocol[_Derivatives]):
+    """A result that differentiates itself, as that of `mb.gradient`."""
+
+    def sensitivity(self, parameters: str | Sequence[str]) -> _Derivatives:
+        """Its derivatives by the parameters."""
+
+
+@overload
+def sensitivity(
+    result: ModalResult, parameters: str | Sequence[str], *, equilibrium: Follow = ...
+) -> EigenSensitivity: ...
+@overload
+def sensitivity(result: FrfResult, parameters: str | Sequence[str], *, equilibrium: Follow = ...) -> FrfSensitivity: ...
+@overload
+def sensitivity(
+    result: ResponseResult, parameters: str | Sequence[str], *, equilibrium: Follow = ...
+) -> ResponseSensitivity: ...
+@overload
+def sensitivity(
+    result: StateResult, parameters: str | Sequence[str], *, equilibrium: Follow = ...
+) -> EquilibriumSensitivity: ...
+@overload
+def sensitivity(
+    result: Linearization, parameters: str | Sequence[str], *, equilibrium: Follow = ...
+) -> LinearizationSensitivity: ...
+@overload
+def sensitivity(
+    result: _HasSensitivity[_Derivatives], parameters: str | Sequence[str], *, equilibrium: Follow = ...
+) -> _Derivatives: ...
+def sensitivity(result: Any, parameters: str | Sequence[str], *, equilibrium: Follow = "follow") -> Any:
     """Exact derivatives of a result by design parameters.
 
     Parameters
@@ -281,19 +324,18 @@ def sensitivity(result: Any, parameters: str | Sequence[str], *, equilibrium: st
     if equilibrium not in ("follow", "hold"):
         raise ModelError(f"equilibrium= must be 'follow' or 'hold', got {equilibrium!r}")
     follow = equilibrium == "follow"
-    kind = type(result).__name__
-    if kind == "Linearization":
+    if isinstance(result, Linearization):
         return _of_linearization(result, parameters, follow)
-    if kind in ("Equilibrium", "SteadyMotion"):
+    if isinstance(result, StateResult):
         return _of_equilibrium(result, parameters)
-    if kind == "ModalResult":
+    if isinstance(result, ModalResult):
         return _of_modes(result, parameters, follow)
-    if kind in ("FrfResult", "ResponseResult"):
+    if isinstance(result, FrfResult | ResponseResult):
         return _of_ports(result, parameters, follow)
-    if kind == "MotionGradient":
+    if getattr(result, "answers_sensitivity", False):
         return result.sensitivity(parameters)
     raise ModelError(
-        f"a {kind} has no sensitivities; give a result of mb.modes, mb.frf, mb.response, mb.equilibrium, "
+        f"a {type(result).__name__} has no sensitivities; give a result of mb.modes, mb.frf, mb.response, mb.equilibrium, "
         "mb.steady_motion or mb.linearize"
     )
 
@@ -399,7 +441,9 @@ def _origin_motion(lin: Linearization, along: Directions, motion: np.ndarray) ->
     np.add.at(change, (at[at >= 0], along.columns[at >= 0]), along.values[at >= 0])
     arm = np.einsum("bij,bj->bi", rotation, com)
     turned = np.cross(motion[:, 3:], arm[:, :, None], axis=1)
-    return motion[:, :3] - turned - np.einsum("bij,bjp->bip", rotation, change.reshape(*places.shape, along.n))
+    return np.asarray(
+        motion[:, :3] - turned - np.einsum("bij,bjp->bip", rotation, change.reshape(*places.shape, along.n))
+    )
 
 
 def _slice(along: Directions, start: int, n: int) -> np.ndarray:
@@ -426,8 +470,6 @@ def _of_equilibrium(result: Any, parameters: str | Sequence[str]) -> Equilibrium
 
 
 def _of_modes(result: Any, parameters: str | Sequence[str], follow: bool) -> Any:
-    from .eigen_sensitivity import eigen_sensitivity
-
     lin = _source(result.system, "modal result")
     d = _of_linearization(lin, parameters, follow, maps=False)
     # at rest damping, and without followers stiffness, is symmetric: what is not is left by unbalanced moments
@@ -437,17 +479,15 @@ def _of_modes(result: Any, parameters: str | Sequence[str], follow: bool) -> Any
 
 
 def _of_ports(result: Any, parameters: str | Sequence[str], follow: bool) -> Any:
-    from .frf import frf_sensitivity
-    from .response import response_sensitivity
-
     if result.linear is None or result.origin is None:
         raise ModelError(
             "this result was made without its model; only results of mb.frf and mb.response have derivatives"
         )
     lin = _source(result.linear.source, "result")
     d = _of_linearization(lin, parameters, follow)
-    inputs = [as_port(lin.model, p) for p in result.linear.inputs]
-    outputs = [as_port(lin.model, p) for p in result.linear.outputs]
+    # as they were given: the name of a port along a vector does not tell all its digits
+    inputs = [as_port(lin.model, p) for p in as_list(result.origin.inputs)]
+    outputs = [as_port(lin.model, p) for p in as_list(result.origin.outputs)]
     tilts = [_tilt_change(d, inputs[j]) for j in result.linear.shared]
     direct = _direct_change(d, outputs, inputs)
     if direct is not None and tilts:
@@ -487,13 +527,13 @@ def _arm_change(d: LinearizationSensitivity, port: Port) -> np.ndarray:
     turn = _rotation_rate(q, _slice(along, start + BODY.block.place("orientation"), 4))
     local = drawn.T @ (local - np.cross(turn.T, np.asarray(point) - t["x"][start:][BODY.block.slice("at")]).T)
     arm = lin.port_arm(port)
-    return np.cross(d.rotation[body].T, arm).T + lin.poses["rotation"][body] @ local
+    return np.asarray(np.cross(d.rotation[body].T, arm).T + lin.poses["rotation"][body] @ local)
 
 
 def _rotation_rate(q: np.ndarray, dq: np.ndarray) -> np.ndarray:
     """World rotation vectors (3, n_p) of changes (4, n_p) of a quaternion: the vector part of 2 dq q* / |q|^2."""
     w, v = q[0], q[1:]
-    return 2.0 * (w * dq[1:] - np.outer(v, dq[0]) - np.cross(dq[1:].T, v).T) / (q @ q)
+    return np.asarray(2.0 * (w * dq[1:] - np.outer(v, dq[0]) - np.cross(dq[1:].T, v).T) / (q @ q))
 
 
 def _row_change(d: LinearizationSensitivity, port: Port) -> np.ndarray:
@@ -507,18 +547,18 @@ def _row_change(d: LinearizationSensitivity, port: Port) -> np.ndarray:
     direction = np.asarray(port.direction)
     turning = d.T[block][3:]
     if port.is_rotation:
-        return np.einsum("i,ijp->jp", direction, turning)
+        return np.asarray(np.einsum("i,ijp->jp", direction, turning))
     arm, darm = lin.port_arm(port), _arm_change(d, port)
     moved = d.T[block][:3] - np.einsum("ik,kjp->ijp", skew(arm), turning)
     moved -= np.stack([skew(darm[:, p]) @ lin.T[block][3:] for p in range(d.directions.n)], axis=2)
-    return np.einsum("i,ijp->jp", direction, moved)
+    return np.asarray(np.einsum("i,ijp->jp", direction, moved))
 
 
 def _input_change(d: LinearizationSensitivity, port: Port) -> np.ndarray:
     if port.kind != "base":
         return _row_change(d, port)
     assert d.ground_coupling is not None
-    return -np.einsum("ikp,k->ip", d.ground_coupling, d.linearization._rigid(port))
+    return np.asarray(-np.einsum("ikp,k->ip", d.ground_coupling, d.linearization._rigid(port)))
 
 
 def _tilt_change(d: LinearizationSensitivity, port: Port) -> np.ndarray:
@@ -528,8 +568,9 @@ def _tilt_change(d: LinearizationSensitivity, port: Port) -> np.ndarray:
     assert model.gravity is not None
     change = _slice(d.directions, int(tables(model)["gravity_x"][0]), 3)
     moved = np.cross(change.T, port.direction).T
-    return np.einsum("ikp,k->ip", d.ground_coupling[:, :3], np.cross(model.gravity, port.direction)) + (
-        lin.ground_coupling[:, :3] @ moved
+    return np.asarray(
+        np.einsum("ikp,k->ip", d.ground_coupling[:, :3], np.cross(model.gravity, port.direction))
+        + (lin.ground_coupling[:, :3] @ moved)
     )
 
 

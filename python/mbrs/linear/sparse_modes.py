@@ -74,7 +74,7 @@ class SparseModel:
     def poses(self) -> dict[str, np.ndarray]:
         """Position (n, 3) and rotation (n, 3, 3) of the bodies' origins, world."""
         with core_errors():
-            return self.snapshot.system.bodies(self.state.q, self.state.rate)
+            return dict(self.snapshot.system.bodies(self.state.q, self.state.rate))
 
     @property
     def geometry(self) -> Any:
@@ -110,7 +110,9 @@ class SparseModel:
         return kinetic, tuple(self.form["names"]), energy
 
 
-def model_modes(model: Any, at: Any, n: int, without: Any, start: float, shift: float | None = None) -> Any:
+def model_modes(
+    model: Any, at: Any, n: int, without: Any, start: float, shift: float | None = None
+) -> ModalResult | None:
     """The n lowest modes of a model at rest, or those nearest to a frequency; None where the dense route must take over and can."""
     without = check_without(without)
     snapshot = Snapshot.of(model)
@@ -169,7 +171,9 @@ def _sigma(shift: float | None) -> float | None:
     return None if shift is None else (2.0 * np.pi * shift) ** 2
 
 
-def sparse_modes(system: Any, n: int | None, effects: tuple[str, ...], shift: float | None, start: float) -> Any:
+def sparse_modes(
+    system: Any, n: int | None, effects: tuple[str, ...], shift: float | None, start: float
+) -> ModalResult:
     """The n lowest modes of sparse matrices, or those nearest to a frequency."""
     if n is None:
         raise ModelError(
@@ -253,7 +257,7 @@ def _first_order(M: Any, D: Any, S: Any, s: np.ndarray, x: np.ndarray) -> np.nda
     r = np.abs(s)
     slope = r * np.abs(2.0 * s * m + d)
     miss = np.abs(s * s * m + s * d + k) + _ENTRY_NOISE * np.finfo(float).eps * (r * r * size_m + r * size_d + size_k)
-    return np.divide(miss, slope, out=np.zeros_like(r), where=(slope > 0.0) & (s != 0.0))
+    return np.asarray(np.divide(miss, slope, out=np.zeros_like(r), where=(slope > 0.0) & (s != 0.0)))
 
 
 def _lowest(M: Any, D: Any, S: Any, n: int, sigma: float | None, symmetric: bool) -> dict[str, Any]:

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from .first_order import StateSpace, first_order
 from .second_order import linear_system
+
+if TYPE_CHECKING:
+    from ..system.state import StateLike
 
 
 def state_space(
@@ -15,7 +18,7 @@ def state_space(
     outputs: Any,
     *,
     kind: str = "displacement",
-    at: Any = None,
+    at: StateLike = None,
     without: Sequence[str] = (),
 ) -> StateSpace:
     """A = [[0, 1], [-M^-1 S, -M^-1 D]], B = [0; M^-1 F], C = [L, 0] (velocity C A, acceleration C A^2 and C A B).

@@ -20,13 +20,17 @@ from ..system.snapshot import Snapshot
 from ..system.state import State, state_of
 from .blades import constant_frame
 from .linearization import Linearization
-from .linearize import linearization_at
-from .rounding import motion_scale
+from .linearize import linearization_at, matrices_at
 from .spin import Spin, spin_of
+from .state_result import StateResult
 from .turning_frames import Frame, sampled
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
     from ..model.model import Model
+    from ..system.state import StateLike
 
 _MAX_ITERATIONS = 60
 # Rounding of a force, in units of eps times the sizes of what was added up for it and the distance from the origin. Larger: the search
@@ -40,7 +44,7 @@ _Found = tuple[State, dict[str, Any], int, bool]
 
 
 @result
-class SteadyMotion(Result):
+class SteadyMotion(StateResult, Result):
     """A steadily turning state; give it as ``at=`` to other analyses.
 
     Attributes
@@ -74,21 +78,6 @@ class SteadyMotion(Result):
     iterations: int
     frame: str
     carried: tuple[str, ...] = ()
-
-    @property
-    def model(self) -> Any:
-        """The model this belongs to."""
-        return self.linearization.model
-
-    @property
-    def bodies(self) -> tuple[str, ...]:
-        """Names of the bodies, in the order of `poses`."""
-        return self.linearization.bodies
-
-    @property
-    def poses(self) -> dict[str, np.ndarray]:
-        """Position, rotation, velocity and angular velocity of the bodies' origins, world."""
-        return self.linearization.poses
 
     row: ClassVar[str] = "coordinate"
     axes: ClassVar[Mapping[str, str]] = {"coordinate": "driven", "body": "bodies"}
@@ -149,7 +138,7 @@ class SteadyMotion(Result):
     def attributes(self) -> dict[str, Any]:
         return {**super().attributes(), "frame": self.frame}
 
-    def plot(self, *, ax: Any = None) -> Any:
+    def plot(self, *, ax: Axes | None = None) -> Figure:
         """The bodies with their velocities as arrows, in the plane in which the motion is widest; returns the figure."""
         from ..plot.models import steady_motion as draw
 
@@ -157,7 +146,7 @@ class SteadyMotion(Result):
 
 
 def steady_motion(
-    m: Model, speed: Mapping[str, float] | None = None, *, at: Any = None, without: Sequence[str] = ()
+    m: Model, speed: Mapping[str, float] | None = None, *, at: StateLike = None, without: Sequence[str] = ()
 ) -> SteadyMotion:
     """The state in which the named joints turn at constant speed and all forces, inertia included, balance.
 
@@ -220,7 +209,7 @@ def steady_motion(
     frame = _frame(snapshot, spin, state, found, without)
     turns = np.any(frame.W)
     state = replace(state, turn=frame.W if turns else None, frame=frame.name)
-    linearization = linearization_at(snapshot, state, found, without, start, warn=False)
+    linearization = linearization_at(snapshot, state, matrices_at(snapshot, state, without), without, start, warn=False)
     residual = dict(zip(found["coordinates"], found["residual"], strict=True))
     residual.update(_drive_forces(snapshot, found, names, without))
     return SteadyMotion(
@@ -346,11 +335,11 @@ def _solve(
     for iteration in range(_MAX_ITERATIONS):
         rate, acceleration = spin.at(q)
         with core_errors():
-            r = snapshot.system.linearize(q, rate, list(without), [], acceleration.tolist())
+            r = snapshot.system.linearize(q, rate, list(without), [], acceleration.tolist(), raw=True)
         _check_rates(snapshot, r, q, rate, without)
         still = np.array([place[name] not in driven for name in r["coordinates"]], dtype=bool)
         # coordinates of the order of a radian, forces over those of the bodies that they act on
-        reach = motion_scale(r["T"], snapshot.system.characteristic_length)[still]
+        reach = r["reach"][still]
         unit = 1.0 / np.where(reach > 0.0, reach, 1.0)
         forces = np.maximum(np.asarray(r["force_sizes"])[still], np.finfo(float).tiny)
         residual = r["residual"][still] * unit
@@ -388,8 +377,8 @@ def _rounding(snapshot: Snapshot, q: np.ndarray) -> float:
     """Rounding of places, and with them of arms and strains, over the characteristic length; as in the search for equilibria."""
     with core_errors():
         place = snapshot.system.bodies(q, np.zeros(0))["position"]
-    far = float(np.max(np.linalg.norm(place, axis=1), initial=0.0)) / snapshot.system.characteristic_length
-    return _PLACES * float(np.finfo(float).eps) * (1.0 + far)
+    far = float(np.max(np.linalg.norm(place, axis=1), initial=0.0)) / float(snapshot.system.characteristic_length)
+    return float(_PLACES * np.finfo(float).eps * (1.0 + far))
 
 
 def _natural_size(r: dict[str, Any], step: np.ndarray, length: float) -> float:
@@ -420,7 +409,7 @@ def _newton(S: np.ndarray, residual: np.ndarray, forces: np.ndarray) -> np.ndarr
         raise SingularError(
             "a force of the steady motion acts along a direction that nothing restrains; add a spring or a joint"
         )
-    return step
+    return np.asarray(step)
 
 
 def _check_rates(

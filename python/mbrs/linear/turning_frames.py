@@ -152,7 +152,7 @@ class Turn:
 
         scaled = [x * self.scale[None, :] / self.scale[:, None] for x in T]
         if all(np.max(np.abs(x - np.eye(len(x))), initial=0.0) <= self.fits for x in scaled):
-            return np.zeros_like(scaled[0])
+            return np.asarray(np.zeros_like(scaled[0]))
         made = logm(scaled[1])
         if np.max(np.abs(made.imag)) > self.fits:
             return None
@@ -161,7 +161,7 @@ class Turn:
             if np.max(np.abs(expm(W * tangent.t) - x)) > self.fits:
                 return None
         W[np.abs(W) <= self.fits * np.max(np.abs(W))] = 0.0
-        return W * self.scale[:, None] / self.scale[None, :]
+        return np.asarray(W * self.scale[:, None] / self.scale[None, :])
 
     # --- comparison -----
 
@@ -311,7 +311,7 @@ def sampled(snapshot: Snapshot, spin: Spin, state: State, without: tuple[str, ..
     times = [0.0] + [angle / speed for speed in speeds[:4] for angle in ANGLES]
     with core_errors():
         first = snapshot.system.linearize(
-            state.q, state.rate, list(without), state.memory.tolist(), state.acceleration.tolist()
+            state.q, state.rate, list(without), state.memory.tolist(), state.acceleration.tolist(), raw=True
         )
     names = tuple(first["coordinates"])
     place = {name: i for i, name in enumerate(snapshot.system.topology()["coordinates"])}
@@ -323,7 +323,7 @@ def sampled(snapshot: Snapshot, spin: Spin, state: State, without: tuple[str, ..
         with core_errors():
             q = snapshot.system.advance(state.q, step[kept], list(without)) if t else state.q
             r = snapshot.system.linearize(
-                q, rate, list(without), state.memory.tolist(), spin.acceleration(rate).tolist()
+                q, rate, list(without), state.memory.tolist(), spin.acceleration(rate).tolist(), raw=True
             )
             place_now = snapshot.system.bodies(q, rate)
         twists = r["T"].copy().reshape(-1, 6, len(r["coordinates"]))
@@ -373,7 +373,7 @@ def rotation_about(w: np.ndarray, t: float) -> np.ndarray:
         return np.eye(3)
     a = w / size
     s = skew(a)
-    return np.eye(3) + np.sin(size * t) * s + (1.0 - np.cos(size * t)) * s @ s
+    return np.asarray(np.eye(3) + np.sin(size * t) * s + (1.0 - np.cos(size * t)) * s @ s)
 
 
 def connected(entries: Any) -> np.ndarray:

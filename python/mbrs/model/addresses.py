@@ -166,17 +166,17 @@ class Driver:
         self.version = book.structure_version
         places = [(kind, i, e) for kind, store in book.stores.items() for i, e in store.driven.items()]
         self.program = Program([e for _, _, e in places])
-        self._writes = []
+        self.writes = []
         for kind in dict.fromkeys(kind for kind, _, _ in places):
             at = [n for n, place in enumerate(places) if place[0] == kind]
             slots = np.array([places[n][1] for n in at])
-            self._writes.append((kind, slots, np.array([self.program.roots[n] for n in at])))
+            self.writes.append((kind, slots, np.array([self.program.roots[n] for n in at])))
         self.recheck = _driven_items(book)
 
     def run(self, book: Book) -> None:
         """Evaluate at the present V and write the numbers; nothing is written when an expression fails."""
         w = np.array(self.program.evaluate(book.space.values))
-        for kind, slots, nodes in self._writes:
+        for kind, slots, nodes in self.writes:
             np.frombuffer(book.stores[kind].x)[slots] = w[nodes]
 
     def jacobian(self, book: Book) -> dict[int, tuple[list[int], list[float], list[str]]]:
@@ -184,7 +184,7 @@ class Driver:
         w = self.program.evaluate(book.space.values)
         by_node: dict[int, dict[int, float]] = {}
         out: dict[int, tuple[list[int], list[float], list[str]]] = {}
-        for kind, slots, nodes in self._writes:
+        for kind, slots, nodes in self.writes:
             for slot, node in zip(slots.tolist(), nodes.tolist(), strict=True):
                 if node not in by_node:
                     by_node[node] = self.program.gradient(node, w)

@@ -7,7 +7,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from .book import Attachable
+from .book import Attachable, Item
 from .expressions import Expression
 from .parameters import ArrayParameter
 
@@ -29,6 +29,8 @@ Coefficients = Scalar | Vector | Matrix
 PoseLike = tuple[Vector3, Rotation | None] | Sequence[Any]
 # A handle or its name; "ground", "body.node".
 BodyLike = Attachable | str
+# Any handle of a model (body, joint, element, marker, drive), or its name.
+ItemLike = Item | Attachable | str
 
 
 class LawLike(Protocol):

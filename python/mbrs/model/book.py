@@ -30,6 +30,8 @@ STORES = (
     "motion",
     "coupler",
     "flexible",
+    "air",
+    "section",
 )
 
 
@@ -81,7 +83,7 @@ _INTERNAL = frozenset(
     | {"fields", "first", "first_coordinate", "flags", "function", "groups", "has", "index", "in_use", "joint", "lists", "model"}
     | {"modal_fields", "motion_fields", "motions", "n", "node_at", "node_point", "one_point", "owner", "place", "put", "recheck"}
     | {"second", "second_coordinate", "shapes", "size", "start", "store", "table", "take", "used", "uses", "values", "moves"}
-    | {"moving", "node_index", "coordinate", "frame", "place_now", "point_group"}
+    | {"moving", "add_nodes", "sections", "polars", "node_index", "coordinate", "frame", "place_now", "point_group"}
 )  # fmt: skip
 
 
@@ -266,6 +268,7 @@ class Book:
         self.drives: list[Any] = []
         self.couplers: list[Any] = []
         self.markers: list[Any] = []
+        self.airs: list[Any] = []
         self.motions: list[Any] = []
         self.poses: list[Any] = []
         self.laws: dict[str, list[Any]] = {"element": [], "joint": []}
@@ -344,10 +347,6 @@ class Book:
         """Name of the frame that moves with a body or with its node."""
         moving = node >= 0 and node in self.bodies[body].moving()
         return f"{self.body_name(body)}.{self.bodies[body].nodes[node]}" if moving else self.body_name(body)
-
-    def frame_index(self, name: str) -> int:
-        """Index of a frame of results by name: a body, or ``body.node`` of a flexible one."""
-        return self.body_index[name] if name in self.body_index else self.frame_names().index(name)
 
     def has_frame(self, name: str) -> bool:
         """Is there a body of this name, or a node ``body.node``?"""

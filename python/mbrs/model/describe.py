@@ -43,6 +43,8 @@ def describe(book: Book, head: Table) -> Iterator[tuple[str, Table]]:
     for marker in book.markers:
         head = {"name": marker.name, "body": _place(book, marker.body, marker.node)}
         yield "[[marker]]", {**head, **_numbers(marker)}
+    for air in book.airs:
+        yield "[[aerodynamics]]", air.described()
 
 
 def _parameter(book: Book, name: str) -> Any:

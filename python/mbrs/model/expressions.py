@@ -444,10 +444,6 @@ class Program:
             stack.pop()
         return place[id(root)]
 
-    def place_of(self, root: Expression) -> int:
-        """Index in ``nodes`` of an expression that the program was made of."""
-        return self._place[id(root)]
-
     def _child(self, a: Expression | float) -> int:
         if isinstance(a, Expression):
             return self._place[id(a)]
@@ -559,7 +555,8 @@ def _is_keyword(name: str) -> bool:
 
 def rebuild(space: ParameterSpace, nodes: Sequence[tuple[Any, Any]]) -> Expression:
     """The last node of a program as an expression again."""
-    return rebuild_all(space, nodes, [len(nodes) - 1])[0]
+    last: Expression = rebuild_all(space, nodes, [len(nodes) - 1])[0]
+    return last
 
 
 def rebuild_all(space: ParameterSpace, nodes: Sequence[tuple[Any, Any]], roots: Sequence[int]) -> list[Any]:

@@ -56,6 +56,26 @@ class FlexibleBody(Body):
             self.model.structure_version += 1
         return index
 
+    def add_nodes(self, names: Sequence[str], position: np.ndarray, shape: np.ndarray) -> list[int]:
+        """Take further nodes (n, 3) m with shapes (n, 6, m), and use them; their indices. Those that exist already must be the same."""
+        from dataclasses import replace
+
+        modal = self.modal
+        new = [i for i, name in enumerate(names) if name not in modal.nodes]
+        for i, name in enumerate(names):
+            if i not in new and not np.array_equal(modal.node_position[modal.nodes.index(name)], position[i]):
+                raise problem(self.name, f"has a node {name!r} at another place; rename one of them")
+        if new:
+            self.modal = replace(
+                modal,
+                nodes=(*modal.nodes, *(names[i] for i in new)),
+                node_position=np.concatenate([modal.node_position, position[new]]),
+                node_shape=np.concatenate([modal.node_shape, shape[new]]),
+            )
+            added = np.concatenate([np.r_[position[i], shape[i].ravel()] for i in new])
+            self.integrals.grow(added.tolist(), len(new))
+        return [self.use(self.modal.nodes.index(name)) for name in names]
+
     def moving(self) -> list[int]:
         """Nodes with a frame of their own: those in use that move against the body's."""
         return [i for i in sorted(self.used) if self.moves(i)]
@@ -122,6 +142,18 @@ class ShapeNumbers(Item):
             return self.start, self.size
         part = SHAPES.block.slice(name, self.m)
         return self.start + part.start, part.stop - part.start
+
+    def grow(self, numbers: list[float], nodes: int) -> None:
+        """Take the numbers of further nodes, behind those that are there; the others of the store move on."""
+        store, end = self.model.stores[self.store], self.start + self.size
+        store.x[end:end] = type(store.x)("d", numbers)
+        store.driven = {place + len(numbers) * (place >= end): entry for place, entry in store.driven.items()}
+        self.n_nodes += nodes
+        for body in self.model.bodies:
+            other = getattr(body, "integrals", None)
+            if other is not None and other is not self and other.start >= end:
+                other.start += len(numbers)
+        self.model.changed_structure()
 
     def check(self, values: Sequence[float]) -> None:
         """`ModalBody` has checked them."""

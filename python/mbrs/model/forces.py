@@ -283,6 +283,9 @@ def torsion(
 ) -> Element:
     """A torsion spring about ``axis``: moment preload + k (phi - angle) + c phi', phi = 0 as drawn.
 
+    phi is the angle of a hinge about ``axis``. It is defined where the bodies turn about that axis alone; where they turn about
+    others as well, phi depends on the order of these turns, and with it on the orientation of the world axes: use a `bushing` there.
+
     Parameters
     ----------
     name

@@ -11,7 +11,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Sequence
 from math import comb
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -19,6 +19,11 @@ from ..errors import ModelError
 from .expressions import Program
 from .schema import FUNCTION_LAW, LAWS, LawKind
 from .tracing import trace
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from .aliases import Scalar
 
 
 class Law:
@@ -94,7 +99,7 @@ class Cubic(Law):
     Cubic(0.1, w=[1.])
     """
 
-    def __init__(self, k3: Any, w: Any = None) -> None:
+    def __init__(self, k3: Scalar, w: ArrayLike | None = None) -> None:
         super().__init__((_scalar("Cubic", "k3", k3),), w)
 
     def moved(self, u0: float) -> list[Law] | None:
@@ -149,7 +154,9 @@ class Gap(Law):
         Direction (n,) of u = w . x, for `MechanicalSystem`.
     """
 
-    def __init__(self, k: Any, gap: Any, smoothing: Any = 0.0, bilateral: bool = False, w: Any = None) -> None:
+    def __init__(
+        self, k: Scalar, gap: Scalar, smoothing: Scalar = 0.0, bilateral: bool = False, w: ArrayLike | None = None
+    ) -> None:
         k, gap, smoothing = _scalar("Gap", "k", k), _scalar("Gap", "gap", gap), _scalar("Gap", "smoothing", smoothing)
         if _is_plain(smoothing) and smoothing < 0:
             raise ModelError(f"Gap: smoothing must not be negative, it is {smoothing}")
@@ -182,7 +189,7 @@ class CoulombTanh(Law):
         Direction (n,) of u = w . x, for `MechanicalSystem`.
     """
 
-    def __init__(self, force_limit: Any, v_ref: Any, w: Any = None) -> None:
+    def __init__(self, force_limit: Scalar, v_ref: Scalar, w: ArrayLike | None = None) -> None:
         v_ref = _positive("CoulombTanh", "v_ref", v_ref)
         super().__init__((_scalar("CoulombTanh", "force_limit", force_limit), v_ref), w)
 
@@ -209,7 +216,7 @@ class Hertz(Law):
     K. L. Johnson, Contact Mechanics, Cambridge University Press 1985, section 4.2.
     """
 
-    def __init__(self, k: Any, exponent: Any = 1.5, gap: Any = 0.0, w: Any = None) -> None:
+    def __init__(self, k: Scalar, exponent: Scalar = 1.5, gap: Scalar = 0.0, w: ArrayLike | None = None) -> None:
         exponent = _positive("Hertz", "exponent", exponent)
         if _is_plain(exponent) and exponent <= 1:
             raise ModelError(f"Hertz: the exponent must exceed 1, it is {exponent}; Gap is the linear contact")
@@ -262,7 +269,7 @@ class VanDerPol(Law):
         Direction (n,) of u = w . x, for `MechanicalSystem`.
     """
 
-    def __init__(self, mu: Any, w: Any = None) -> None:
+    def __init__(self, mu: Scalar, w: ArrayLike | None = None) -> None:
         super().__init__((_scalar("VanDerPol", "mu", mu),), w)
 
 
@@ -284,7 +291,7 @@ class Jenkins(Law):
     spring k.
     """
 
-    def __init__(self, k: Any, f_slip: Any, w: Any = None) -> None:
+    def __init__(self, k: Scalar, f_slip: Scalar, w: ArrayLike | None = None) -> None:
         super().__init__((_positive("Jenkins", "k", k), _positive("Jenkins", "f_slip", f_slip)), w)
 
 
@@ -324,7 +331,7 @@ class VaryingStiffness(Law):
         Direction (n,) of u = w . x, for `MechanicalSystem`.
     """
 
-    def __init__(self, k: Any, order: int = 1, phase: Any = 0.0, w: Any = None) -> None:
+    def __init__(self, k: Scalar, order: int = 1, phase: Scalar = 0.0, w: ArrayLike | None = None) -> None:
         if isinstance(order, bool) or not isinstance(order, int | np.integer) or order < 1:
             raise ModelError(f"VaryingStiffness: order must be a positive integer, it is {order!r}")
         name = "VaryingStiffness"
@@ -585,4 +592,4 @@ def _direction(law: str, w: Any) -> np.ndarray:
     if not w.any():
         raise ModelError(f"{law}: w is zero: the element would act on nothing; name the coordinate it works on")
     w.setflags(write=False)
-    return w
+    return np.asarray(w)

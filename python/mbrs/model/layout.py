@@ -9,6 +9,7 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
+from .air_schema import AIR, INFLOWS, SECTION
 from .schema import (
     BODY,
     COORDINATE_ROLES,
@@ -43,6 +44,8 @@ BLOCKS: tuple[Block, ...] = (
     COUPLER.block,
     SHAPES.block,
     NODE,
+    AIR.block,
+    SECTION,
 )
 _BEGIN, _END = "<!-- fields: written by python -m mbrs.model.layout -->", "<!-- end of fields -->"
 
@@ -107,6 +110,7 @@ def _code_page() -> Iterator[str]:
     laws = "; ".join(f"{'/'.join(map(str, law.codes))} {law.name}: {law.numbers}" for law in LAWS.values())
     yield from ("", f"**law_type** and numbers: {laws}.")
     motions = "; ".join(f"{m.code} {m.name}: {', '.join(m.groups) or m.note}" for m in MOTIONS.values())
+    yield from ("", "**air_inflow**: " + ", ".join(f"{code} {name}" for name, code in INFLOWS.items()) + ".")
     yield from ("", f"**motion_type** and numbers (* any number of them): {motions}.", "")
 
 
@@ -143,6 +147,8 @@ def rust() -> str:
         else:
             out += [f"    pub const {k.type.upper()}: i64 = {k.code};" for k in kinds.values()]
         out += ["}"]
+    out += ["", "/// Codes of `air_inflow`.", "pub mod air_inflow {"]
+    out += [*(f"    pub const {name.upper()}: i64 = {code};" for name, code in INFLOWS.items()), "}"]
     for block in BLOCKS:
         out += ["", f"/// The numbers of a {block.name.replace('_', ' ')}.", f"pub mod {block.name} {{"]
         for name, size in (*block.starts.items(), ("size", block.total)):

@@ -29,6 +29,7 @@ _TITLES = {
     "[[element]]": "springs and dampers",
     "[[load]]": "loads",
     "[[marker]]": "markers",
+    "[[aerodynamics]]": "aerodynamics",
 }
 # Units of arguments that have one whatever the object; those of k and c depend on the coordinate.
 _UNITS = {"mass": "mass", "inertia": "inertia", "at": "point", "axis": "", "length": "length"}

@@ -6,13 +6,14 @@ import copy
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Literal, overload
+from typing import TYPE_CHECKING, Any, Literal, overload
 
 import numpy as np
 
 from .._lib.formats import find
 from ..errors import ModelError
 from ..view.scene import SceneGeometry
+from . import aerodynamics as _aerodynamics
 from . import bodies as _bodies
 from . import drives as _drives
 from . import flexible as _flexible
@@ -22,6 +23,7 @@ from . import joints as _joints
 from . import restraints as _restraints
 from . import section_loads as _section_loads
 from .addresses import Target, assign, read, target
+from .aerodynamics import Aerodynamics
 from .aliases import Matrix, Vector, Vector3
 from .bodies import Body, Ground, Marker
 from .book import STORES, Book, Item, Store
@@ -37,10 +39,14 @@ from .schema import BODY, ELEMENTS, FLEXIBLE_BODY, GRAVITY, JOINTS, LARGEST_TOLE
 from .tables import tables
 from .units import accepting, converted, has_quantity, labelled, refuse
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
 # What `dir(model)` leaves out: attributes that the package uses and a user does not.
 _INTERNAL = frozenset(vars(Book("names"))) | {name for name in vars(Book) if not name.startswith("_")}
 _PUBLIC = frozenset(
-    {"name", "bodies", "joints", "elements", "loads", "drives", "couplers", "markers", "tolerance", "units"}
+    {"name", "bodies", "joints", "elements", "loads", "drives", "couplers", "markers", "airs", "tolerance", "units"}
 )
 
 
@@ -103,6 +109,7 @@ class Model(Book):
     drives: list[Drive]
     couplers: list[Coupler]
     markers: list[Marker]
+    airs: list[Aerodynamics]
 
     def __init__(
         self, name: str, gravity: Vector3 | None = None, tolerance: float = 1e-7, units: Literal["SI"] | None = None
@@ -114,7 +121,7 @@ class Model(Book):
         self.ground = Ground(self, GROUND)
         self.tolerance = tolerance
         if gravity is not None:
-            self.gravity = gravity  # type: ignore[assignment]
+            self.gravity = gravity
 
     body = accepting(_bodies.body, BODY)
     flexible_body = accepting(_flexible.flexible_body, FLEXIBLE_BODY)
@@ -142,6 +149,8 @@ class Model(Book):
     torque = accepting(_forces.torque, LOADS)
     modal_force = _section_loads.modal_force
     section_load = _section_loads.section_load
+
+    aerodynamics = _aerodynamics.aerodynamics
 
     drive = _drives.drive
     coupler = _drives.coupler
@@ -338,7 +347,7 @@ class Model(Book):
         """Bodies, springs, joints and loads to draw, as drawn; a `ModelError` for a model without bodies."""
         return scene_from_tables(tables(self), self)
 
-    def plot(self, *, view: ViewLike = None, names: bool | None = None, ax: Any = None) -> Any:
+    def plot(self, *, view: ViewLike = None, names: bool | None = None, ax: Axes | None = None) -> Figure:
         """Draw the model as it was drawn, computing nothing: joints by their kind with axes, springs, dampers, gaps, ground, loads.
 
         Parameters

@@ -10,7 +10,7 @@ import importlib
 import itertools
 import re
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -31,6 +31,9 @@ from .schema import (
     MotionKind,
     motion_unit,
 )
+
+if TYPE_CHECKING:
+    from .aliases import Scalar
 
 # Differences over seven points this far apart (s) stand for the derivatives of a function that does not give them.
 _STEP = 1e-3
@@ -93,7 +96,7 @@ class Ramp(Motion):
 
     declared = RAMP
 
-    def __init__(self, rate: Any, offset: Any = 0.0, start: Any = 0.0) -> None:
+    def __init__(self, rate: Scalar, offset: Scalar = 0.0, start: Scalar = 0.0) -> None:
         super().__init__(rate, offset, start)
 
 
@@ -121,7 +124,13 @@ class Sine(Motion):
     declared = SINE
 
     def __init__(
-        self, amplitude: Any, omega: Any = None, *, frequency: Any = None, phase: Any = 0.0, offset: Any = 0.0
+        self,
+        amplitude: Scalar,
+        omega: Scalar | None = None,
+        *,
+        frequency: Scalar | None = None,
+        phase: Scalar = 0.0,
+        offset: Scalar = 0.0,
     ) -> None:
         if (omega is None) == (frequency is None):
             raise ModelError("Sine takes exactly one of omega= (rad/s) and frequency= (Hz)")

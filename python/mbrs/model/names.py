@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Sequence
+from typing import Any
 
 from .._lib.checks import shown
 from ..errors import DuplicateNameError, MbrsError, ModelError, NameNotFoundError
@@ -12,7 +13,7 @@ GROUND = "ground"
 _FORBIDDEN = frozenset(".[]")
 # Comparing with every name of a model of 1e5 bodies would take seconds, so large sets are narrowed first.
 _LARGE = 2000
-__all__ = ["GROUND", "check_name", "located", "nearest", "not_found", "problem", "shown"]
+__all__ = ["GROUND", "check_name", "index", "located", "nearest", "not_found", "problem", "shown"]
 
 
 def problem(address: str, text: str, error: type[MbrsError] = ModelError) -> MbrsError:
@@ -55,6 +56,15 @@ def nearest(name: str, known: Iterable[str]) -> str | None:
         return by_fold[name.casefold()]
     found = difflib.get_close_matches(name, pool, n=1, cutoff=0.5)
     return found[0] if found else None
+
+
+def index(what: str, one: Any, known: Sequence[str]) -> int:
+    """Place of a name, or of the name of a handle, among known ones; ``what`` as for `not_found`."""
+    name = getattr(one, "name", one)
+    for i, other in enumerate(known):
+        if other == name:
+            return i
+    raise not_found(what, name if isinstance(name, str) else str(name), known)
 
 
 def not_found(what: str, name: str, known: Iterable[str]) -> NameNotFoundError:

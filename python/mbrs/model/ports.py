@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
@@ -12,6 +13,9 @@ from .numbers import Number, numbers, vector
 from .rotations import unit
 
 Kind = Literal["force", "torque", "motion", "base"]
+# the vector and the point in the name of a port
+_VECTOR = re.compile(r"\.\(([^()]*)\)$")
+_POINT = re.compile(r"@\(([^()]*)\)$")
 KINDS: tuple[Kind, ...] = ("force", "torque", "motion", "base")
 
 
@@ -100,22 +104,48 @@ def as_port(model: Any, spec: Any) -> Port:
         return spec
     if not isinstance(spec, str):
         raise ModelError(f"an input or output must be a port such as body.force('z'), or its name; got {shown(spec)}")
-    parts = spec.split(".")
+    text, at = spec, None
+    if hit := _POINT.search(spec):
+        text, at = spec[: hit.start()], tuple(_plain_numbers(hit[1], spec))
+    along: Any = None
+    if hit := _VECTOR.search(text):
+        text, along = text[: hit.start()] + ".vector", tuple(_plain_numbers(hit[1], spec))
+    parts = text.split(".")
+    if along is not None:
+        parts[-1] = along
     if len(parts) == 4 and hasattr(model[parts[0]], "node"):
         node = model[parts[0]].node(parts[1])
         if parts[2] in ("force", "torque", "motion"):
-            port: Port = getattr(node, parts[2])(parts[3])
-            return port
+            return _nowhere(getattr(node, parts[2])(parts[3]), at, spec)
     if len(parts) == 2 and parts[0] == "base":
-        return base_motion(parts[1])
+        return _nowhere(base_motion(parts[1]), at, spec)
     if len(parts) != 3 or parts[1] not in ("force", "torque", "motion"):
         raise ModelError(
-            f"the port {shown(spec)} must read like 'body.force.z', 'body.torque.x', 'body.motion.rz' or 'base.z'"
+            f"the port {shown(spec)} must read like 'body.force.z', 'body.torque.x', 'body.motion.rz', 'body.force.(0.6,0,0.8)@(0,0,1)' "
+            "or 'base.z'"
         )
     owner = model[parts[0]]
     if not hasattr(owner, "motion"):
         raise ModelError(f"the port {shown(spec)} is on {owner!r}, but only bodies and markers have ports")
-    return getattr(owner, parts[1])(parts[2])
+    if at is not None and parts[1] != "torque" and owner.kind == "body" and hasattr(owner, "_port"):
+        made: Port = owner._port(parts[1], parts[2], at)
+        return made
+    return _nowhere(getattr(owner, parts[1])(parts[2]), at, spec)
+
+
+def _nowhere(port: Any, at: Any, spec: str) -> Port:
+    """A port whose name has no point."""
+    if at is not None:
+        raise ModelError(f"the port {shown(spec)} has a point, which only forces and motions of bodies have")
+    made: Port = port
+    return made
+
+
+def _plain_numbers(text: str, spec: str) -> list[float]:
+    try:
+        return [float(part) for part in text.split(",")]
+    except ValueError:
+        raise ModelError(f"the port {shown(spec)} has {text!r} where three numbers belong") from None
 
 
 def _check_known(model: Any, port: Port) -> None:

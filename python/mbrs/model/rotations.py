@@ -50,7 +50,7 @@ def rotation(axis: Any, angle: Any) -> np.ndarray:
     a = direction(axis, "the axis of a rotation")
     half = scalar(angle, "the angle of a rotation") * 0.5
     plain = not isinstance(half, Expression) and not any(isinstance(v, Expression) for v in a)
-    length: Any = math.hypot(*a) if plain else np.sqrt(a[0] * a[0] + a[1] * a[1] + a[2] * a[2])  # type: ignore[arg-type]
+    length: Any = math.hypot(*a) if plain else np.sqrt(a[0] * a[0] + a[1] * a[1] + a[2] * a[2])
     sine = np.sin(half)
     # A plain zero stays one: it depends on no parameter.
     entries = [np.cos(half), *(sine * (v / length) if isinstance(v, Expression) or v else 0.0 for v in a)]
@@ -98,6 +98,6 @@ def unit(given: Any, where: str) -> tuple[float, float, float]:
     a = direction(given, where)
     if any(isinstance(v, Expression) for v in a):
         raise ModelError(f"{where} must be plain numbers, not expressions of parameters")
-    length = math.hypot(*a)  # type: ignore[arg-type]
-    x, y, z = (float(v) / length for v in a)  # type: ignore[arg-type]
+    length = math.hypot(*a)
+    x, y, z = (float(v) / length for v in a)
     return (x, y, z)

@@ -126,7 +126,7 @@ def _circle(centre: np.ndarray, axis: np.ndarray, radius: float) -> np.ndarray:
         return np.zeros((0, 3))
     across = np.linalg.svd((axis / length)[None, :])[2][1:]
     angle = np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)
-    return centre + radius * (np.cos(angle)[:, None] * across[0] + np.sin(angle)[:, None] * across[1])
+    return np.asarray(centre + radius * (np.cos(angle)[:, None] * across[0] + np.sin(angle)[:, None] * across[1]))
 
 
 def _joint_axes(x: np.ndarray, start: int, flags: int) -> tuple[np.ndarray, np.ndarray]:
@@ -142,14 +142,17 @@ def _usable(direction: np.ndarray) -> np.ndarray | None:
     return direction if np.all(np.isfinite(direction)) and np.any(direction != 0.0) else None
 
 
-def _laws(tables: Mapping[str, Any], joints: bool) -> dict[int, set[str]]:
-    """The parts that laws make of each joint or element."""
-    out: dict[int, set[str]] = {}
+def _two_ended(tables: Mapping[str, Any], what: str) -> Iterator[tuple[str, int, int, int, int, int, set[str]]]:
+    """Every "element" or "joint": name, code of its type, both bodies, flags, place of its numbers, parts that laws make."""
+    laws: dict[int, set[str]] = {}
     keys = ("owner_kind", "owner", "type")
     for of_joint, owner, code in zip(*(tables.get(f"law_{k}", ()) for k in keys), strict=True):
-        if bool(of_joint) == joints:
-            out.setdefault(int(owner), set()).add("gap" if LAW_OF_CODE[int(code)].effect == "contact" else "law")
-    return out
+        if bool(of_joint) == (what == "joint"):
+            laws.setdefault(int(owner), set()).add("gap" if LAW_OF_CODE[int(code)].effect == "contact" else "law")
+    columns = ("name", "type", "a", "b", "flags", "x")
+    for i, (name, *numbers) in enumerate(zip(*(tables.get(f"{what}_{k}", ()) for k in columns), strict=True)):
+        code, a, b, flags, start = (int(n) for n in numbers)
+        yield str(name), code, a, b, flags, start, laws.get(i, set())
 
 
 def _parts(n: np.ndarray, block: Any, flags: int, laws: set[str]) -> tuple[str, ...]:
@@ -165,40 +168,32 @@ def _acts(n: np.ndarray, block: Any, flags: int, field: str) -> bool:
 
 
 def _links(tables: Mapping[str, Any], x: np.ndarray, attach: Attach) -> Iterator[LinkGeometry]:
-    laws = _laws(tables, joints=False)
-    keys = ("name", "type", "a", "b", "flags", "x")
-    for i, (name, code, a, b, flags, start) in enumerate(
-        zip(*(tables.get(f"element_{k}", ()) for k in keys), strict=True)
-    ):
-        kind, n = _ELEMENTS[int(code)], x[start:]
+    for name, code, a, b, flags, start, laws in _two_ended(tables, "element"):
+        kind, n = _ELEMENTS[code], x[start:]
         block = kind.block
         at_a = n[block.slice("at_a" if "at_a" in block.fields else "at")]
         at_b = n[block.slice("at_b")] if "at_b" in block.fields else at_a  # a torsion spring acts at one point
         axis = _usable(n[block.slice("axis")]) if "axis" in block.fields else None
-        parts = _parts(n, block, flags, laws.get(i, set()))
-        yield LinkGeometry(str(name), attach(int(a), at_a), attach(int(b), at_b), at_a, at_b, kind.type, parts, axis)
+        parts = _parts(n, block, flags, laws)
+        yield LinkGeometry(name, attach(a, at_a), attach(b, at_b), at_a, at_b, kind.type, parts, axis)
 
 
 def _joints(tables: Mapping[str, Any], x: np.ndarray, attach: Attach) -> Iterator[JointGeometry]:
-    laws = _laws(tables, joints=True)
-    keys = ("name", "type", "a", "b", "flags", "x")
-    for i, (name, code, a, b, flags, start) in enumerate(
-        zip(*(tables.get(f"joint_{k}", ()) for k in keys), strict=True)
-    ):
-        kind, n = _JOINTS[int(code)], x[start:]
+    for name, code, a, b, flags, start, laws in _two_ended(tables, "joint"):
+        kind, n = _JOINTS[code], x[start:]
         at_a, at_b = n[_JOINT.slice("at_a")], n[_JOINT.slice("at_b")]
         axis, axis2 = _joint_axes(x, start, flags)
         yield JointGeometry(
-            str(name),
+            name,
             kind,
-            attach(int(a), at_a),
-            attach(int(b), at_b),
+            attach(a, at_a),
+            attach(b, at_b),
             at_a,
             None if kind in ("fixed", "spherical", "free", "distance") else _usable(axis),
             at_b,
             _usable(axis2) if kind in ("universal", "rolling_disc") else None,
             float(n[_JOINT.place("radius")]) if kind == "rolling_disc" else 0.0,
-            _parts(n, _JOINT, flags, laws.get(i, set())),
+            _parts(n, _JOINT, flags, laws),
         )
 
 

@@ -16,8 +16,11 @@ from typing import Literal
 Role = Literal[
     "point", "position", "length", "angle", "direction", "orientation", "mass", "inertia", "velocity", "angular velocity",
     "acceleration", "stiffness", "damping", "force", "ratio", "offset", "integral",
+    "density",
 ]  # fmt: skip
-Form = Literal["text", "numbers", "points", "direction", "pose", "law", "motion", "load", "modal body", "shape"]
+Form = Literal[
+    "text", "numbers", "points", "direction", "pose", "law", "motion", "load", "modal body", "shape", "wind", "data",
+]  # fmt: skip
 Check = Literal["", "positive", "not negative"]
 
 # Units of roles that do not depend on a coordinate. Directions and orientations are varied by a rotation vector.
@@ -33,6 +36,7 @@ UNITS = {
     "velocity": "m/s",
     "angular velocity": "rad/s",
     "acceleration": "m/s2",
+    "density": "kg/m3",
 }
 _FORCE = {"t": "N", "r": "N m"}
 _MOTION = {"t": "m", "r": "rad"}
@@ -482,17 +486,6 @@ NODE = Block(
 )
 # Numbers of a body that the integrals of its shapes depend on: they are not varied alone.
 FIXED_BY_SHAPES = ("com", "mass", "inertia")
-
-# The kinds of a file by heading, in its order.
-HEADINGS = {
-    "body": {"body": BODY, "flexible_body": FLEXIBLE_BODY},
-    "joint": JOINTS,
-    "drive": {"drive": DRIVE},
-    "coupler": {"coupler": COUPLER},
-    "element": ELEMENTS,
-    "load": LOADS,
-    "marker": {"marker": MARKER},
-}
 
 # --- laws and motions: lists of numbers of any length ---------------------------------------------------------
 

@@ -87,14 +87,7 @@ class _Line:
     """Quadrature points along a flexible body: places (n, 3), shapes (n, 6, m), weights, and what stations share."""
 
     def __init__(self, label: str, modal: ModalBody, stations: np.ndarray) -> None:
-        points = modal.line_position
-        if len(points) < 2:
-            raise problem(
-                label, "needs points along the body: a ModalBody with line_position= and line_shape=, or nodes"
-            )
-        along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
-        if not np.all(np.diff(along) > 0):
-            raise problem(label, "needs points along the body that differ from each other, in order")
+        along, points = line_of(label, modal)
         if stations[0] < -1e-9 * along[-1] or stations[-1] > (1 + 1e-9) * along[-1]:
             raise problem(
                 label + ".stations",
@@ -105,8 +98,8 @@ class _Line:
         h = np.diff(breaks)
         self.at = (breaks[:-1, None] + 0.5 * h[:, None] * (spots + 1)).ravel()
         self.weight = (0.5 * h[:, None] * weights).ravel()
-        self.r = _interpolated(along, points, self.at)
-        self.shape = _interpolated(along, modal.line_shape, self.at)
+        self.r = interpolated(along, points, self.at)
+        self.shape = interpolated(along, modal.line_shape, self.at)
         self.share = np.array([np.interp(self.at, stations, unit) for unit in np.eye(len(stations))])  # (n_s, n)
         self.along, self.points = along, points
 
@@ -121,7 +114,19 @@ class _Line:
         return f.sum(axis=1), (np.cross(self.r, f) + moment).sum(axis=1)
 
 
-def _interpolated(along: np.ndarray, values: np.ndarray, at: np.ndarray) -> np.ndarray:
+def line_of(label: str, modal: ModalBody) -> tuple[np.ndarray, np.ndarray]:
+    """Distances (n,) along the line of a flexible body and its points (n, 3), m."""
+    points = modal.line_position
+    if len(points) < 2:
+        raise problem(label, "needs points along the body: a ModalBody with line_position= and line_shape=, or nodes")
+    along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
+    if not np.all(np.diff(along) > 0):
+        raise problem(label, "needs points along the body that differ from each other, in order")
+    return along, points
+
+
+def interpolated(along: np.ndarray, values: np.ndarray, at: np.ndarray) -> np.ndarray:
+    """Values (n, ...) along a line, by cubic splines, at places (m,) m."""
     from scipy.interpolate import make_interp_spline
 
     return np.asarray(make_interp_spline(along, values, k=min(3, len(along) - 1))(at))

@@ -14,6 +14,9 @@ import numpy as np
 from .._lib.rotations import cross, quaternion_matrix, quaternion_rate
 from ..errors import ModelError, NotDifferentiableError
 from .addresses import Target, driver, target
+from .aerodynamics import polar_tables
+from .air_schema import INFLOWS as AIR_INFLOWS
+from .air_schema import SECTION
 from .book import STORES, Book
 from .flexible import FlexibleBody
 from .function_calls import FunctionCall
@@ -26,10 +29,10 @@ from .shapes import plain
 _DENSE_LIMIT = 1_000_000
 
 
-def tables(model: Book, flexible: bool = True) -> dict[str, Any]:
+def tables(model: Book, flexible: bool = True, absolute: bool = False) -> dict[str, Any]:
     """The Tables of a model, a new dict; its integer arrays are shared between calls while the structure stays.
 
-    ``flexible=False``: flexible bodies are taken for rigid ones.
+    ``flexible=False``: flexible bodies are taken for rigid ones. ``absolute``: no joint carries a body, all of them are rows.
 
     Returns
     -------
@@ -57,7 +60,7 @@ def tables(model: Book, flexible: bool = True) -> dict[str, Any]:
         for key in node_tables(model, offsets(model)):
             del made[key]
         made |= _without_modal_loads(made)
-    return made
+    return {**made, "absolute": True} if absolute else made
 
 
 def _shapes(model: Book) -> dict[str, Any]:
@@ -154,7 +157,7 @@ def _require_derivatives(model: Book) -> None:
 
 
 def _structure(model: Book) -> dict[str, Any]:
-    cached = model.cache.get("tables")
+    cached: tuple[int, dict[str, Any]] | None = model.cache.get("tables")
     if cached is not None and cached[0] == model.structure_version:
         return cached[1]
     base = offsets(model)
@@ -168,6 +171,7 @@ def _structure(model: Book) -> dict[str, Any]:
         **_laws(model, base),
         **_motions(model, base),
         **node_tables(model, base),
+        **_air(model, base),
         "pose_body": _integers(p.body for p in model.poses),
         "pose_x": _integers(base["pose"] + p.start for p in model.poses),
         "tolerance": np.float64(model.tolerance),
@@ -255,6 +259,32 @@ def _motions(model: Book, base: dict[str, int]) -> dict[str, Any]:
     }
 
 
+def _air(model: Book, base: dict[str, int]) -> dict[str, Any]:
+    """The part of Tables that air makes; nothing of a model without it."""
+    if not model.airs:
+        return {}
+    number, angles, pieces = polar_tables(model.airs)
+    places = [(air, *place) for air in model.airs for place in air.sections.places]
+    polars = {
+        key: [(a.index, p) for a in model.airs for b in a.blades for p in b[key]] for key in ("polar", "second_polar")
+    }
+    step = SECTION.size()
+    starts = (base["section"] + a.sections.start + step * i for a in model.airs for i in range(len(a.sections.places)))
+    return {
+        "air_name": [air.name for air in model.airs],
+        "air_inflow": _integers(AIR_INFLOWS["given" if air.inflow == "none" else "momentum"] for air in model.airs),
+        "air_x": _integers(base["air"] + air.start for air in model.airs),
+        "air_history_x": _integers(-1 for _ in model.airs),
+        "air_times": [[] for _ in model.airs],
+        "section_air": _integers(air.index for air, _, _ in places),
+        "section_body": _integers(body for _, body, _ in places),
+        **{f"section_{key}": _integers(number[one] for one in of) for key, of in polars.items()},
+        "section_x": _integers(starts),
+        "polar_angle": angles,
+        "polar_pieces": pieces,
+    }
+
+
 def node_tables(model: Book, base: dict[str, int]) -> dict[str, Any]:
     """The part of Tables that flexible bodies make; nothing of a model without them."""
     bodies = [b for b in model.bodies if isinstance(b, FlexibleBody)]
@@ -270,9 +300,9 @@ def node_tables(model: Book, base: dict[str, int]) -> dict[str, Any]:
         "flexible_body": _integers(b.index for b in bodies),
         "flexible_modes": _integers(b.n_modes for b in bodies),
         "flexible_x": _integers(start + b.integrals.start for b in bodies),
-        "flexible_node_name": [model.bodies[b].nodes[i] for b, i in nodes],  # type: ignore[attr-defined]
+        "flexible_node_name": [model.bodies[b].nodes[i] for b, i in nodes],
         "flexible_node_body": _integers(b for b, _ in nodes),
-        "flexible_node_x": _integers(start + model.bodies[b].integrals.node_start(i) for b, i in nodes),  # type: ignore[attr-defined]
+        "flexible_node_x": _integers(start + model.bodies[b].integrals.node_start(i) for b, i in nodes),
         "moving_node": _integers(number[place] for place in model.moving_nodes()),
         "joint_a_node": of(model.joints, "a", "a_node"),
         "joint_b_node": of(model.joints, "b", "b_node"),
@@ -280,6 +310,7 @@ def node_tables(model: Book, base: dict[str, int]) -> dict[str, Any]:
         "element_b_node": of(model.elements, "b", "b_node"),
         "load_node": of(model.loads, "body", "node"),
         "marker_node": of(model.markers, "body", "node"),
+        "section_node": _integers(number.get(place, -1) for air in model.airs for place in air.sections.places),
     }
 
 

@@ -14,6 +14,7 @@ from typing import Any
 
 from .._lib.files import write_atomic
 from ..errors import DuplicateNameError, InertiaError, MbrsError, ModelError, NameNotFoundError
+from .air_schema import HEADINGS
 from .book import Book
 from .describe import describe
 from .expressions import Expression
@@ -23,7 +24,7 @@ from .locate import Places
 from .motions import TYPES, FunctionName, TimeFunction, resolve
 from .names import nearest, problem, shown
 from .numbers import shape_of
-from .schema import HEADINGS, Kind
+from .schema import Kind
 from .shapes import shape_of_table
 from .units import is_quantity
 
@@ -230,15 +231,15 @@ class _Reader:
 
     def _decoded(self, model: Any, kind: Kind, number: int, key: str, value: Any) -> Any:
         form = kind.form(key)
-        if form == "text" or (form == "direction" and isinstance(value, str) and _AXIS_WORD.fullmatch(value)):
+        if form in ("text", "data") or (form == "direction" and isinstance(value, str) and _AXIS_WORD.fullmatch(value)):
             return value
         read: Callable[[Any, Any], Any] = _numbers
         if form in ("motion", "load"):
             read = self._motions
         elif form == "law":
             read = self._laws
-        elif form in ("modal body", "shape"):
-            read = {"modal body": _modal_body, "shape": _shape}[form]
+        elif form in ("modal body", "shape", "wind"):
+            read = {"modal body": _modal_body, "shape": _shape, "wind": _wind}[form]
         return self._guarded(kind.heading, number, lambda: read(model, value), key)
 
     def _motions(self, model: Any, value: Any) -> Any:
@@ -336,6 +337,17 @@ def _modal_body(model: Any, value: Any) -> Any:
         return ModalBody(**value)
     except TypeError:
         raise problem("modal_body", f"cannot be made of the entries {shown(list(value))}") from None
+
+
+def _wind(model: Any, value: Any) -> Any:
+    """A table of the arguments of mb.aero.wind; words are axes."""
+    if not isinstance(value, dict):
+        raise problem("wind", f"must be a table of the arguments of mb.aero.wind, got {shown(value)}")
+    return {key: v if _is_axis(v) else _numbers(model, v) for key, v in value.items()}
+
+
+def _is_axis(value: Any) -> bool:
+    return isinstance(value, str) and _AXIS_WORD.fullmatch(value) is not None
 
 
 def _shape(model: Any, value: Any) -> Any:

@@ -36,8 +36,10 @@ def is_quantity(value: Any) -> bool:
 
 def has_quantity(value: Any) -> bool:
     """Is there such a text among the numbers?"""
+    if type(value) is float:
+        return False
     if isinstance(value, list | tuple):
-        return any(has_quantity(v) for v in value)
+        return any(type(one) is not float and has_quantity(one) for one in value)
     if isinstance(value, np.ndarray):
         return value.dtype.kind in "UO" and any(is_quantity(v) for v in value.ravel().tolist())
     return is_quantity(value)

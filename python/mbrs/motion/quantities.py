@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import ModelError, NameNotFoundError
-from ..model.names import nearest, shown
+from ..model.names import index, nearest, shown
 from ..model.schema import JOINTS
 
 # What the core is asked for: kind, index of body or joint, order, start of a drawn point in x, a drawn point.
@@ -38,24 +38,18 @@ class Names:
         self.joints: list[str] = list(tables["joint_name"])
         self.markers: list[str] = list(tables["marker_name"])
 
-    def _find(self, what: str, name: str, known: list[str]) -> int:
-        if name in known:
-            return known.index(name)
-        guess = nearest(name, known)
-        raise NameNotFoundError(f"there is no {what} {name!r}" + (f"; did you mean {guess!r}?" if guess else ""))
-
     def body(self, handle: Any) -> int:
         """Index of a body."""
-        return self._find("body", _name(handle), self.bodies)
+        return index("no body", _name(handle), self.bodies)
 
     def joint(self, handle: Any) -> int:
         """Index of a joint."""
-        return self._find("joint", _name(handle), self.joints)
+        return index("no joint", _name(handle), self.joints)
 
     def point(self, marker: Any, of: Any, order: int) -> Asked:
         """A marker, or a drawn world point fixed in a body."""
         if of is None:
-            i = self._find("marker", _name(marker), self.markers)
+            i = index("no marker", _name(marker), self.markers)
             return ("point", int(self.tables["marker_body"][i]), order, int(self.tables["marker_x"][i]), None)
         try:
             drawn = np.asarray(marker, dtype=float)
@@ -88,7 +82,7 @@ class Names:
         if kind == "rotation":
             return ("rotation", self.body(name), 0, None, None)
         if kind == "coordinate":
-            return ("joint", self._find("joint or marker", name, [*self.joints, *self.markers]), 0, None, None)
+            return ("joint", index("no joint or marker", name, [*self.joints, *self.markers]), 0, None, None)
         if kind == "reaction":
             return ("reaction", self.joint(name), 0, None, None)
         guess = nearest(kind, ADDRESSES)
@@ -99,7 +93,7 @@ class Names:
         )
 
     def _either(self, name: str) -> int:
-        return self._find("body or marker", name, [*self.bodies, *self.markers])
+        return index("no body or marker", name, [*self.bodies, *self.markers])
 
     def unit(self, asked: Asked) -> str:
         """Unit of its numbers; empty where they differ."""

@@ -21,11 +21,14 @@ from ..results import Stats
 from ..system.effects import LINEAR_ONLY, check_without, effects
 from ..system.snapshot import Snapshot
 from ..system.state import State, state_of
+from .air import flows, require_covered
+from .air_march import march, stepped
 from .amplification import warn_amplified
 from .trajectory import Trajectory
 
 if TYPE_CHECKING:
     from ..model.model import Model
+    from ..system.state import StateLike
 
 METHODS = ("auto", "explicit", "generalized-alpha", "radau", "bdf", "bdf-bfgs", "ali3p")
 _ORDER = {"explicit": 8, "generalized-alpha": 2, "radau": 5, "bdf": 4, "bdf-bfgs": 4, "ali3p": 2}
@@ -49,7 +52,7 @@ def simulate(
     rtol: float | None = None,
     step: float | None = None,
     method: str = "auto",
-    at: Any = None,
+    at: StateLike = None,
     without: Sequence[str] = (),
     rho: float | None = None,
     form: str | None = None,
@@ -86,7 +89,7 @@ def simulate(
     at
         Start: None (drawn, with the given velocities), an equilibrium, a steady motion, or ``traj.state(t)`` to go on.
     without
-        Effects to leave out: "gravity", "damping", "friction", "contact", "centrifugal".
+        Effects to leave out: "gravity", "damping", "friction", "contact", "centrifugal", "aerodynamics".
     rho
         Generalised-alpha: spectral radius at infinite frequency, 0 <= rho <= 1 (default 0.8).
     form, update
@@ -97,7 +100,11 @@ def simulate(
         "explicit": what its stages integrate where there are loops, drives or rolling. "tree": all tree coordinates, with the
         constraints at acceleration level, projected onto them after each step. "independent": those that determine the others
         (Wehage and Haug 1982), which are switched between steps where others would serve better; ``stats.route`` names them.
-        None: independent where many loops leave few degrees of freedom, else tree (docs/motion.md).
+        None: independent where many loops leave few degrees of freedom, else tree (docs/motion.md). Every method: "absolute":
+        each body moves by six coordinates of its own (its floating frame, if it is flexible), and every joint is a set of rows
+        beside those of drives, as in most texts. The motion is the same, at the cost of all its rows; ``at`` is None or a state
+        of such a motion. Rows do not count turns: angles of hinges lie within half a turn, and a motion in which a spring or law of a hinge
+        passes it stops.
     max_step, first_step
         s; limits of the controlled steps.
     max_steps
@@ -145,9 +152,12 @@ def simulate(
     for name in without:
         if name in LINEAR_ONLY:
             raise ModelError(f"'{name}' is a part of a linearisation; a motion cannot be without it")
-    snapshot = Snapshot.of(m, without)
+    absolute = coordinates == "absolute"
+    snapshot = Snapshot.of(m, without, absolute)
     state = state_of(m, snapshot.system, at, hold=False, without=without)
     if parameters is not None:
+        if absolute:
+            raise ModelError('a motion in coordinates="absolute" has no sensitivities; leave out one of both')
         method = _with_sensitivities(method)
         if not isinstance(parameters, (str, Sequence)):
             raise ModelError(f"parameters= takes an address or a list of them, got {shown(parameters)}")
@@ -168,12 +178,21 @@ def simulate(
         raise ModelError(f"max_steps= must be a whole number, got {shown(max_steps)}")
     if rho is not None and not 0.0 <= rho <= 1.0:
         raise ModelError(f"rho= lies between 0 and 1, got {rho}")
-    options["method"] = _variant(method, form, update, coordinates)
+    options["method"] = _variant(method, form, update, None if absolute else coordinates)
 
-    made = _run(snapshot, state, without, options)
-    traj = _trajectory(m, snapshot, made, without, time.perf_counter() - start, state, options)
+    air = stepped(m, without, absolute)
+    if air is None:
+        made = _run(snapshot, state, without, options)
+        wake = None
+    else:
+        made, snapshot, wake = march(
+            air, snapshot, state, without, options, lambda s, x, o: _run(s, x, without, o, True)
+        )
+    traj = _trajectory(m, snapshot, made, without, time.perf_counter() - start, state, options, wake)
     if parameters is not None:
         traj = traj.replaced(parameters=parameters, start=state, rho=rho)
+    if m.airs and "aerodynamics" not in without:
+        require_covered(m, traj.t, flows(snapshot.system, traj.t, traj.q, traj.rate, traj.memory))
     if traj.status == "interrupted":
         raise Interrupted(f"the motion of {m.name!r} was interrupted at t = {made['end']:.6g} s", traj)
     _report_start(m, made)
@@ -215,10 +234,10 @@ def _warn_bent(traj: Trajectory) -> None:
 
 def _variant(method: str, form: Any, update: Any, coordinates: Any) -> str:
     if coordinates is not None:
-        if method != "explicit":
-            raise ModelError(f'coordinates= belongs to method="explicit", not to {shown(method)}')
         if coordinates not in ("tree", "independent"):
-            raise ModelError(f"coordinates= is 'tree' or 'independent', got {shown(coordinates)}")
+            raise ModelError(f"coordinates= is 'tree', 'independent' or 'absolute', got {shown(coordinates)}")
+        if method != "explicit":
+            raise ModelError(f'coordinates={coordinates!r} belongs to method="explicit", not to {shown(method)}')
         method = f"{method}/{coordinates}"
     if form is None and update is None:
         return method
@@ -284,8 +303,10 @@ def _options(t: Any, rtol: Any, step: Any, method: Any, state: State) -> dict[st
     return options
 
 
-def _run(snapshot: Snapshot, state: State, without: Sequence[str], options: dict[str, Any]) -> dict[str, Any]:
-    with Progress("motion", 1000) as progress, core_errors():
+def _run(
+    snapshot: Snapshot, state: State, without: Sequence[str], options: dict[str, Any], quiet: bool = False
+) -> dict[str, Any]:
+    with Progress("motion", 1000, always=False if quiet else None) as progress, core_errors():
 
         def report(part: float) -> None:
             # a motion of no length is done when it begins
@@ -302,6 +323,7 @@ def _trajectory(
     wall: float,
     state: State,
     options: dict[str, Any],
+    wake: Any = None,
 ) -> Trajectory:
     acting = tuple(e.name for e in effects(m) if e.on and e.name not in without)
     return Trajectory(
@@ -317,10 +339,30 @@ def _trajectory(
         method=made["method"],
         message=made["message"],
         snapshot=snapshot,
+        wake=wake,
         without=without,
         error=functools.partial(_estimated_error, state=state, options=options),
-        stats=Stats(wall, dict(made["counts"]), acting, f"{made['method']}: {made['why']}"),
+        stats=Stats(wall, dict(made["counts"]), acting, f"{made['method']}: {made['why']}{_solved_by(made, options)}"),
         status=made["status"],
+    )
+
+
+def _solved_by(made: dict[str, Any], options: dict[str, Any]) -> str:
+    """The inverse update that solved the equations of the steps, and how often H was formed and kept."""
+    if made["method"] != "bdf-bfgs":
+        return ""
+    n = made["counts"]
+    asked = options["method"].rpartition("/")[2]
+    if asked == "broyden":
+        used = "Broyden's"
+    else:
+        used = "inverse BFGS, then Broyden's" if "Broyden" in made["why"] else "inverse BFGS"
+        if n.get("fallback steps", 0):
+            used += f" ({n['fallback steps']} steps by Broyden's after a failure)"
+    formed = n.get("inverse formations", 0)
+    return (
+        f"; update: {used}; H from differences {formed} {'time' if formed == 1 else 'times'}, "
+        f"{n.get('updates left out', 0)} of {n.get('iterations', 0)} updates left out"
     )
 
 

@@ -88,7 +88,8 @@ class Run:
                 "equilibrium",
                 False,
             )
-        return np.asarray(r["tree_coordinates"]).T.tolist()
+        columns: list[list[float]] = np.asarray(r["tree_coordinates"]).T.tolist()
+        return columns
 
     def direct(self, asked: Sequence[Asked], along: Directions | None) -> dict[str, Any]:
         """Values of quantities at all steps, and their derivatives."""
@@ -139,6 +140,12 @@ def warn_of_growth(growth: float) -> None:
 
 def require_exact_tangents(m: Model, without: tuple[str, ...]) -> None:
     """Two effects leave tangents of a step that are not the derivatives of its forces."""
+    if m.airs and "aerodynamics" not in without:
+        air = m.airs[0]
+        raise NotDifferentiableError(
+            f"the air {air.name!r} (inflow {air.inflow!r}) has no gradients of motions: leave it out with without=('aerodynamics',), "
+            "or take differences of mb.simulate"
+        )
     why = None
     if "centrifugal" in without:
         why = "without=('centrifugal',)"

@@ -4,23 +4,31 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
 from .. import _core
 from .._lib.border import core_errors
 from .._lib.rotations import quaternion_matrix
-from ..errors import ModelError, NameNotFoundError
-from ..model.names import nearest
+from ..errors import ModelError
+from ..model.names import index
 from ..model.schema import BODY, JOINTS, MARKER
 from ..model.tables import modal_part, modal_places
 from ..results import Result, quantity, result
 from ..system.snapshot import Snapshot
 from ..system.state import State
 from . import elements
+from .air import AirMotion
+from .air_march import Wakes
 from .quantities import Names
 from .tangent import RHO, Run, quantity_derivative
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from ..model.aliases import BodyLike, ItemLike, Vector3
 
 
 @result
@@ -55,7 +63,7 @@ class Energy(Result):
         rows = [[name, *(float(x) for x in (v[0], v[-1], v.min(), v.max()))] for name, v in parts.items() if len(v)]
         return ["[J]", "start", "end", "least", "largest"], rows
 
-    def plot(self, *, ax: Any = None) -> Any:
+    def plot(self, *, ax: Axes | None = None) -> Figure:
         """Total, kinetic, gravity and stored energy over the outputs; returns the figure."""
         from ..plot.motion import energies
 
@@ -76,7 +84,7 @@ def _squeezed(values: np.ndarray) -> np.ndarray:
 
 
 @result
-class Trajectory(Result):
+class Trajectory(AirMotion, Result):
     """A motion in time.
 
     Attributes
@@ -112,6 +120,7 @@ class Trajectory(Result):
     parameters: str | Sequence[str] = ()
     start: State | None = None
     rho: float | None = None
+    wake: Wakes | None = None
 
     row: ClassVar[str] = "time"
 
@@ -141,33 +150,29 @@ class Trajectory(Result):
                 list(self.without),
             )
 
-    def _body(self, body: Any) -> int:
-        name = getattr(body, "name", body)
-        if name not in self.bodies:
-            guess = nearest(str(name), self.bodies)
-            raise NameNotFoundError(f"there is no body {name!r}" + (f"; did you mean {guess!r}?" if guess else ""))
-        return self.bodies.index(name)
+    def _body(self, body: BodyLike) -> int:
+        return index("no body", body, self.bodies)
 
-    def position(self, body: Any) -> np.ndarray:
+    def position(self, body: BodyLike) -> np.ndarray:
         """(n_t, 3) world position of a body's origin, m."""
-        return self._quantities["position"][:, self._body(body)]
+        return np.asarray(self._quantities["position"][:, self._body(body)])
 
-    def velocity(self, body: Any) -> np.ndarray:
+    def velocity(self, body: BodyLike) -> np.ndarray:
         """(n_t, 3) world velocity of a body's origin, m/s."""
-        return self._quantities["velocity"][:, self._body(body)]
+        return np.asarray(self._quantities["velocity"][:, self._body(body)])
 
-    def orientation(self, body: Any) -> np.ndarray:
+    def orientation(self, body: BodyLike) -> np.ndarray:
         """(n_t, 4) unit quaternion of a body, scalar first, body to world; its sign is continuous in time."""
         q = self._quantities["orientation"][:, self._body(body)]
         flips = np.sum(q[1:] * q[:-1], axis=1) < 0.0
         sign = np.concatenate([[1.0], np.where(np.cumsum(flips) % 2, -1.0, 1.0)]) if len(q) else np.zeros(0)
-        return q * sign[:, None]
+        return np.asarray(q * sign[:, None])
 
-    def angular_velocity(self, body: Any) -> np.ndarray:
+    def angular_velocity(self, body: BodyLike) -> np.ndarray:
         """(n_t, 3) angular velocity of a body, rad/s, world axes."""
-        return self._quantities["angular_velocity"][:, self._body(body)]
+        return np.asarray(self._quantities["angular_velocity"][:, self._body(body)])
 
-    def rotation(self, body: Any) -> np.ndarray:
+    def rotation(self, body: BodyLike) -> np.ndarray:
         """(n_t, 3, 3) rotation matrix of a body, body to world."""
         w, x, y, z = self._quantities["orientation"][:, self._body(body)].T
         return np.stack(
@@ -179,20 +184,13 @@ class Trajectory(Result):
             axis=1,
         )
 
-    def point(self, marker: Any, *, of: Any = None) -> np.ndarray:
+    def point(self, marker: ItemLike | Vector3, *, of: BodyLike | None = None) -> np.ndarray:
         """(n_t, 3) world position of a marker (by name), or of a drawn world point ``marker`` (3,) fixed in body ``of``."""
         t = self.snapshot.tables
         x = t["x"]
         if of is None:
-            name = getattr(marker, "name", marker)
-            known = list(t["marker_name"])
-            if name not in known:
-                guess = nearest(str(name), known)
-                raise NameNotFoundError(
-                    f"there is no marker {name!r}" + (f"; did you mean {guess!r}?" if guess else "")
-                )
-            index = known.index(name)
-            body, start = int(t["marker_body"][index]), int(t["marker_x"][index])
+            i = index("no marker", marker, t["marker_name"])
+            body, start = int(t["marker_body"][i]), int(t["marker_x"][i])
             drawn = x[start:][MARKER.block.slice("at")]
         else:
             body = self._body(of)
@@ -209,13 +207,13 @@ class Trajectory(Result):
         turned = quaternion_matrix(body_numbers[BODY.block.slice("orientation")])
         local = turned.T @ (drawn - body_numbers[BODY.block.slice("at")])
         name = self.bodies[body]
-        return self.position(name) + self.rotation(name) @ local
+        return np.asarray(self.position(name) + self.rotation(name) @ local)
 
-    def modal(self, body: Any) -> np.ndarray:
+    def modal(self, body: BodyLike) -> np.ndarray:
         """(n_t, m) modal coordinates of a flexible body."""
         return self._modal(body)[1][0]
 
-    def modal_rate(self, body: Any) -> np.ndarray:
+    def modal_rate(self, body: BodyLike) -> np.ndarray:
         """(n_t, m) rates of the modal coordinates of a flexible body."""
         return self._modal(body)[1][1]
 
@@ -233,57 +231,46 @@ class Trajectory(Result):
                 return owner, (modal_part(tables, self.q)[:, own], modal_part(tables, self.rate)[:, own])
         raise ModelError(f"{self.bodies[index]!r} has no modal coordinates in this motion: it is rigid there")
 
-    def node_positions(self, body: Any) -> np.ndarray:
+    def node_positions(self, body: BodyLike) -> np.ndarray:
         """(n_t, n, 3) world positions of all nodes of a flexible body, in their order, deformed."""
         owner, (q, _) = self._modal(body)
         local = owner.modal.node_position + np.einsum("nik,tk->tni", owner.modal.node_shape[:, :3], q)
         moved: np.ndarray = self.position(body)[:, None] + np.einsum("tij,tnj->tni", self.rotation(body), local)
         return moved
 
-    def joint(self, name: Any) -> np.ndarray:
+    def joint(self, name: ItemLike) -> np.ndarray:
         """Free coordinates of a joint: (n_t,) where it has one, else (n_t, n); rad and m, angles continuous over turns."""
-        key = getattr(name, "name", name)
-        place = self._joint_places
-        if not isinstance(key, str) or key not in place:
-            guess = nearest(str(key), place)
-            raise NameNotFoundError(
-                f"there is no joint with free coordinates called {key!r}"
-                + (f"; did you mean {guess!r}?" if guess else "")
-            )
-        start, n = place[key]
+        places = self._joint_places
+        start, n = list(places.values())[index("no joint with free coordinates", name, list(places))]
         return self.joints[:, start] if n == 1 else self.joints[:, start : start + n]
 
-    def joint_rate(self, name: Any) -> np.ndarray:
+    def joint_rate(self, name: ItemLike) -> np.ndarray:
         """Rates of the free coordinates of a joint, in the shape of `joint`; of rotation vectors the rates of their numbers."""
-        return _squeezed(elements.joint(self, name).rate)
+        return _squeezed(elements.joint_rates(self, name))
 
-    def length(self, name: Any) -> np.ndarray:
+    def length(self, name: ItemLike) -> np.ndarray:
         """(n_t,) distance of the end points of a spring-damper, m."""
-        length = elements.element(self, name)[1]
-        if length is None:
+        found = elements.element_motion(self, name)
+        if found.type != "spring_damper":
             raise ModelError(f"{getattr(name, 'name', name)!r} is not a spring_damper; see deformation")
-        return length
+        return found.coordinate[:, 0]
 
-    def deformation(self, name: Any) -> np.ndarray:
-        """e of f = preload + k e + c e': (n_t,) of a spring-damper (m) or torsion spring (rad), (n_t, 6) of a bushing, frame of its
-        first body.
+    def deformation(self, name: ItemLike) -> np.ndarray:
+        """e of f = preload + k e + c e': (n_t,) of a spring-damper (m) or torsion spring (rad; it follows hinges over turns), (n_t, 6) of
+        a bushing, frame of its first body.
         """
-        return _squeezed(elements.element(self, name)[0].value)
+        return _squeezed(elements.element_motion(self, name).displacement)
 
-    def deformation_rate(self, name: Any) -> np.ndarray:
+    def deformation_rate(self, name: ItemLike) -> np.ndarray:
         """The rate e' of `deformation`."""
-        return _squeezed(elements.element(self, name)[0].rate)
+        return _squeezed(elements.element_motion(self, name).rate)
 
-    def element_force(self, name: Any) -> np.ndarray:
-        """preload + k e + c e' + law(e, e') of a spring-damper (N, positive in tension), bushing or torsion spring, in the shape of
-        `deformation`; the moments of a bushing belong to the rates of its rotation vector.
-
-        Raises
-        ------
-        ModelError
-            A law with an internal state, whose force the deformation alone does not tell.
+    def element_force(self, name: ItemLike) -> np.ndarray:
+        """preload + k e + c e' + laws of a spring-damper (N, positive in tension), bushing or torsion spring, in the shape of
+        `deformation`; the moments of a bushing belong to the rates of its rotation vector. Laws with internal states have those of the
+        motion.
         """
-        return _squeezed(elements.element_force(self, name))
+        return _squeezed(elements.element_motion(self, name).force)
 
     @cached_property
     def _joint_places(self) -> dict[str, tuple[int, int]]:
@@ -367,9 +354,9 @@ class Trajectory(Result):
             A time that is not an output time.
         """
         i = len(self.t) - 1 if t is None else self._output(t)
-        return State(self.q[i], self.rate[i], "given", self.memory[i], float(self.t[i]))
+        return State(self.q[i], self.rate[i], "given", self.memory[i], float(self.t[i]), air=self._going(i))
 
-    def reaction(self, name: Any) -> np.ndarray:
+    def reaction(self, name: ItemLike) -> np.ndarray:
         """(n_t, 6) wrench of a joint's constraints on its second body at its point: force (N) and moment (N m), world axes.
 
         What the joint's own k=, c= and law= do along its free coordinates is not in it, nor the force of a drive, which
@@ -377,30 +364,23 @@ class Trajectory(Result):
         Where constraints are redundant these are the reactions of minimum norm over all joints, moments divided by the
         characteristic length.
         """
-        key = getattr(name, "name", name)
-        known = [*self.snapshot.tables["joint_name"], *self.snapshot.tables["drive_name"]]
-        if key not in known:
-            guess = nearest(str(key), known)
-            raise NameNotFoundError(f"there is no joint {key!r}" + (f"; did you mean {guess!r}?" if guess else ""))
-        return self._reactions[:, known.index(key)]
+        return self._reactions[:, index("no joint", name, self._constrained)]
 
-    def drive_force(self, name: Any) -> np.ndarray:
+    def drive_force(self, name: ItemLike) -> np.ndarray:
         """(n_t,) force (N) or torque (N m) that a drive or coupler exerts along its coordinate, of a coupler the second one."""
-        key = getattr(name, "name", name)
         known = [*self.snapshot.tables["drive_name"], *self.snapshot.tables["coupler_name"]]
-        if key not in known:
-            guess = nearest(str(key), known)
-            raise NameNotFoundError(
-                f"there is no drive or coupler {key!r}" + (f"; did you mean {guess!r}?" if guess else "")
-            )
         rows = list(self.snapshot.system.topology()["row_joint"])
-        return -self.multipliers[:, rows.index(key)]
+        return -self.multipliers[:, rows.index(known[index("no drive or coupler", name, known)])]
 
     @property
     def reactions(self) -> dict[str, np.ndarray]:
         """`reaction` of every joint and drive by name."""
-        names = [*self.snapshot.tables["joint_name"], *self.snapshot.tables["drive_name"]]
-        return {name: self._reactions[:, i] for i, name in enumerate(names)}
+        return {name: self._reactions[:, i] for i, name in enumerate(self._constrained)}
+
+    @property
+    def _constrained(self) -> list[str]:
+        """Names of joints and drives, in the order of their reactions."""
+        return [*self.snapshot.tables["joint_name"], *self.snapshot.tables["drive_name"]]
 
     @cached_property
     def _reactions(self) -> np.ndarray:
@@ -473,8 +453,21 @@ class Trajectory(Result):
         footer = unit_note(labels, self.parameter_units)
         return table(["parameter", "unit", *names, "largest ever"], rows, title=title, footer=footer)
 
-    def plot(self, what: str = "motion", *, ax: Any = None, **options: Any) -> Any:
-        """Curves over time; see `mbrs.plot.motion`, and `mbrs.plot.gradients.over_time` for "sensitivity"."""
+    def plot(self, what: str = "motion", *, ax: Axes | None = None, **options: Any) -> Figure:
+        """Curves over time; returns the figure.
+
+        Parameters
+        ----------
+        what
+            "motion": coordinates, energy, constraints and steps below each other. One of them alone: "coordinates" (of joints),
+            "positions" (m), "velocities" (m/s), "energy" (J), "power" (W into each element), "residual" (of constraints, scaled, on
+            three levels), "steps" (s), "error" (of each step over its tolerance), "reactions" (N), "sensitivity".
+        ax
+            Axes into which the first of these goes alone.
+        options
+            ``of``: names or handles of joints, bodies, markers or elements, by default those that move most; ``label`` of this motion
+            among several. Of "sensitivity" ``of``: the quantity, as in `sensitivity`.
+        """
         if what == "sensitivity":
             from ..plot import gradients
 
@@ -484,7 +477,11 @@ class Trajectory(Result):
         return motion.plot(self, what, ax=ax, **options)
 
     def animate(self, path: Any = None, **options: Any) -> Any:
-        """The motion as one self-contained page (`mbrs.view.motion`); written to ``path`` if that is given."""
+        """The motion as one self-contained page that plays; written to ``path`` if that is given.
+
+        ``options``: ``pace`` (seconds of motion in a second of playing), ``at`` (s, paused there), ``paths`` (markers and bodies whose
+        way is drawn), ``follow`` (a body that the view follows), ``title``.
+        """
         from ..view import motion
 
         viewer = motion.motion(self, **options)

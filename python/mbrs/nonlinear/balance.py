@@ -24,7 +24,7 @@ MOST_SAMPLES = 16384
 MOST_HARMONICS = 255
 ALIASED = 0.5  # part of the error from which on more samples pay
 # aliasing, relative to the solution, that does not count where no tolerance was given: too large, friction and contact curves are
-# rough; too small, every point takes all the samples there are (tests/test_hbm_sampling.py)
+# rough; too small, every point takes all the samples there are (tests/nonlinear/test_hbm_sampling.py)
 NEGLIGIBLE = 1e-4
 # smallest over largest singular value of the scaled equations at rest below which they are singular, free of units: too large,
 # soft coordinates are called loose; too small, loose ones are not named (tests/truth/test_hbm_loose.py)

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 from contextlib import suppress
 from functools import partial
 from inspect import Parameter, signature
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
@@ -24,9 +24,12 @@ from .periodic import MOST_HARMONICS, UNRESOLVED, effects_of, first_solution
 from .response_curve import FrequencyResponse, Part, known_stability
 from .system import as_system
 
+if TYPE_CHECKING:
+    from ..system.state import StateLike
+
 F = TypeVar("F", bound=Callable[..., Any])
 # Points between two looks at samples and progress: a count, so that no clock decides where samples change. Larger: more points with too
-# many or too few samples. Smaller: looks cost more than points. Pinned by tests/test_continuation.py.
+# many or too few samples. Smaller: looks cost more than points. Pinned by tests/nonlinear/test_continuation.py.
 CHUNK_POINTS = 20
 CORNERED = 1e-6  # steps below are those around corners that samples make
 
@@ -73,7 +76,7 @@ class Branch(Iterator[BranchPoint]):
         tolerance: float = 1e-9,
         stability: bool = True,
         events: bool = True,
-        at: Any = None,
+        at: StateLike = None,
         without: Any = (),
     ) -> None:
         self.family = family

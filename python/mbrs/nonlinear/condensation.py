@@ -218,3 +218,10 @@ def _sparse(system: Any, retained: np.ndarray, forces: np.ndarray, directions: t
         system.n, places % system.n, places // system.n, values(M), values(C), values(K), retained, forces
     )
     return Linear(core, "condensed, sparse", directions, None, (M, C, K))
+
+
+def conservative(system: Any) -> bool:
+    """True if a system conserves energy by structure: no damping, no circulatory stiffness, laws of position."""
+    M, C, K = dense(system)
+    still = all(law.kind.name and not (law.uses_rate or law.has_memory or law.kind.phase) for law in system.elements)
+    return still and bool(np.all(C + C.T == 0) and np.all(K == K.T) and np.all(M == M.T))

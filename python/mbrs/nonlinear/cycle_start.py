@@ -16,10 +16,10 @@ MOST_NODES = 40000
 PIECES = 16  # of the time in which a motion is to repeat itself
 MESH = 2000  # nodes of a first mesh, about
 # how often the equations are evaluated at most in search of a cycle by integration, a count: too large, the search takes minutes;
-# too small, slow cycles are not found (tests/test_hbm_cycle.py)
+# too small, slow cycles are not found (tests/nonlinear/test_hbm_cycle.py)
 MOST_EVALUATIONS = 150_000
 # relative change of the amplitude between two stretches of time below which a motion may repeat itself, free of units: too large,
-# searches for a period begin too early; too small, too late (tests/test_hbm_cycle.py)
+# searches for a period begin too early; too small, too late (tests/nonlinear/test_hbm_cycle.py)
 SETTLED = 0.05
 AMPLITUDES = np.geomspace(1e-6, 1e6, 121)
 
@@ -216,7 +216,7 @@ def collocate(system: Any, force: Any, start: Start, top: int, limit: float) -> 
             None,
         )
     error, samples, period = np.inf, solution.sol(phases)[:n], float(solution.p[0])
-    for tolerance in (1e-6, 1e-8):
+    for tolerance in (1e-6, 1e-7, 1e-8):
         with np.errstate(all="ignore"):
             finer = solve_bvp(fun, ends, solution.x, solution.y, p=solution.p, tol=tolerance, max_nodes=MOST_NODES)
         if not (solution.success and finer.success):

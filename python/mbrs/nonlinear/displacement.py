@@ -6,8 +6,12 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import ModelError, NameNotFoundError
+from ..errors import ModelError
+from ..model.names import not_found
 from ..model.ports import Port
+
+# The number or the name of a coordinate, or a motion of a model such as ``body.motion("z")``.
+Displacement = int | str | Port
 
 
 def displacement_coefficients(X: np.ndarray, system: Any, which: Any) -> np.ndarray:
@@ -53,11 +57,5 @@ def _number(system: Any, which: Any, n: int) -> int:
 def _port_row(system: Any, which: Any, n: int) -> np.ndarray:
     lin = getattr(system, "linearization", None)
     if lin is None or (isinstance(which, str) and "." not in which):
-        import difflib
-
-        names = _names(system, n)
-        near = difflib.get_close_matches(str(which), names, n=1)
-        more = "" if len(names) <= 12 else ", ..."
-        hint = f"did you mean {near[0]!r}?" if near else f"they are {', '.join(names[:12])}{more}"
-        raise NameNotFoundError(f"there is no coordinate {str(which)!r}; {hint}")
+        raise not_found("no coordinate", str(which), _names(system, n))
     return np.asarray(lin.output_map([which])[0][0])

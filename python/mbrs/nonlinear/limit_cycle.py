@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from time import perf_counter
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -14,6 +14,11 @@ from ..results import Stats, quantity, result
 from . import balance, condensation, cycle_start
 from .periodic import UNRESOLVED, PeriodicSolution, effects_of
 from .system import nonlinear_system
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from ..system.state import StateLike
 
 
 @result
@@ -40,7 +45,7 @@ class LimitCycle(PeriodicSolution):
         """(2 dof,) Floquet multipliers exp(s T), one of them 1, or None."""
         return None if self.exponents is None else np.exp(self.exponents * self.period)
 
-    def plot_multipliers(self) -> Any:
+    def plot_multipliers(self) -> Figure:
         """Floquet multipliers in the complex plane with the unit circle; returns the figure."""
         from ..plot.nonlinear import multipliers
 
@@ -64,7 +69,7 @@ def limit_cycle(
     method: str = "auto",
     tolerance: float = 1e-10,
     max_iterations: int = 60,
-    at: Any = None,
+    at: StateLike = None,
     without: Any = (),
 ) -> LimitCycle:
     """Periodic motion without periodic excitation, its frequency unknown.
@@ -126,7 +131,7 @@ def limit_cycle(
         raise ModelError(f'harmonics must be a number, a sequence or "auto", it is {harmonics!r}')
     limit = balance.positive("tol", (1e-6 if automatic else UNRESOLVED / 10) if tol is None else tol)
     static = _static_force(system, force)
-    if conservative(system):
+    if condensation.conservative(system):
         raise ConvergenceError(
             "no limit cycle was found: nothing in this system takes or gives energy, so that its periodic motions come in "
             "families; give it damping, a follower (unsymmetric) stiffness or a law of the velocity",
@@ -164,13 +169,6 @@ def limit_cycle(
     if last is None:
         raise ConvergenceError("no limit cycle was found; give a guess with omega= and x0=", None)
     return last
-
-
-def conservative(system: Any) -> bool:
-    """True if a system conserves energy by structure: no damping, no circulatory stiffness, laws of position."""
-    M, C, K = condensation.dense(system)
-    still = all(law.kind.name and not (law.uses_rate or law.has_memory or law.kind.phase) for law in system.elements)
-    return still and bool(np.all(C + C.T == 0) and np.all(K == K.T) and np.all(M == M.T))
 
 
 def _better(last: LimitCycle | None, other: LimitCycle) -> LimitCycle:

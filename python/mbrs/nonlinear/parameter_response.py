@@ -6,7 +6,7 @@ import pickle
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from time import perf_counter
-from typing import Any, Unpack
+from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
 
@@ -21,6 +21,9 @@ from .branch_points import Event
 from .periodic import PeriodicSolution
 from .response_curve import FrequencyResponse
 from .system import as_system
+
+if TYPE_CHECKING:
+    from .displacement import Displacement
 
 
 @result
@@ -66,7 +69,7 @@ class ParameterResponse(FrequencyResponse):
         system, force = self.family(value)
         return one.replaced(system=system, force=balance.scaled_force(force, level))
 
-    def peak(self, dof: Any = 0, harmonic: int | None = 1) -> PeriodicSolution:
+    def peak(self, dof: Displacement = 0, harmonic: int | None = 1) -> PeriodicSolution:
         """The point of the curve with the largest amplitude; not solved for."""
         return self.point(int(np.argmax(self.amplitude(dof, harmonic))))
 

@@ -19,10 +19,16 @@ from ..model.laws import Law
 from ..results import Result, Stats, derived, quantity, result
 from . import balance, condensation
 from .displacement import displacement_coefficients, label
+from .fourier import FourierMotion
 from .periodic import UNRESOLVED, effects_of
 from .system import as_system, force_of_ports, nonlinear_system
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from ..system.state import StateLike
+    from .displacement import Displacement
     from .verify_full import Distance
 
 COMMENSURABLE = 1e-9
@@ -35,7 +41,7 @@ MOST_SAMPLES = 1 << 18
 
 
 @result
-class QuasiPeriodicSolution(Result):
+class QuasiPeriodicSolution(FourierMotion, Result):
     """x(t) = a_0 + sum_j a_j cos(phi_j) + b_j sin(phi_j) with phi_j = (k_j . omega) t.
 
     Attributes
@@ -87,7 +93,7 @@ class QuasiPeriodicSolution(Result):
         """Base frequencies, Hz."""
         return self.omega / (2 * np.pi)
 
-    def coefficient(self, dof: Any = 0, index: Sequence[int] = (1, 0)) -> complex:
+    def coefficient(self, dof: Displacement = 0, index: Sequence[int] = (1, 0)) -> complex:
         """a - i b of one term; zero for a term that is not kept. The term -k is the conjugate of k.
 
         ``dof``: number or name of a coordinate, or, of a model, a motion such as ``body.motion("z")``.
@@ -105,27 +111,15 @@ class QuasiPeriodicSolution(Result):
                 return complex(a, -sign * b)
         return 0j
 
-    def amplitude(self, dof: Any = 0, index: Sequence[int] = (1, 0)) -> float:
+    def amplitude(self, dof: Displacement = 0, index: Sequence[int] = (1, 0)) -> float:
         """Magnitude of one term of one displacement."""
         return abs(self.coefficient(dof, index))
 
-    def displacement(self, t: Any, dof: Any = None) -> np.ndarray:
-        """x at the times ``t``, (dof, n_t); (n_t,) of one displacement where ``dof`` names it."""
-        return self._series(t, 0, dof)
+    def term_frequencies(self) -> np.ndarray:
+        """(n_k,) circular frequency of every term, rad/s."""
+        return self.indices @ self.omega
 
-    def velocity(self, t: Any, dof: Any = None) -> np.ndarray:
-        """x' at the times ``t``, (dof, n_t) or (n_t,)."""
-        return self._series(t, 1, dof)
-
-    def _series(self, t: Any, derivative: int, dof: Any) -> np.ndarray:
-        X = self.X if dof is None else displacement_coefficients(self.X, self.system, dof)[None, :]
-        rate = self.indices @ self.omega
-        c = (X[:, 1::2] - 1j * X[:, 2::2]) * (1j * rate) ** derivative
-        x = (c @ np.exp(1j * np.outer(rate, np.atleast_1d(np.asarray(t, float))))).real
-        x = x if derivative else x + X[:, :1]
-        return x if dof is None else x[0]
-
-    def lines(self, dof: Any = 0) -> tuple[np.ndarray, np.ndarray, list[str]]:
+    def lines(self, dof: Displacement = 0) -> tuple[np.ndarray, np.ndarray, list[str]]:
         """Frequencies in Hz, amplitudes and index vectors of the terms, by frequency, the mean first."""
         x = displacement_coefficients(self.X, self.system, dof)
         f = np.append(0.0, np.abs(self.indices @ self.frequency))
@@ -134,7 +128,7 @@ class QuasiPeriodicSolution(Result):
         order = np.argsort(f, kind="stable")
         return f[order], size[order], [names[i] for i in order]
 
-    def label(self, dof: Any = 0) -> str:
+    def label(self, dof: Displacement = 0) -> str:
         """Name of a displacement."""
         return label(self.system, dof, len(self.X))
 
@@ -146,13 +140,13 @@ class QuasiPeriodicSolution(Result):
 
         return verify_torus(self, cycles, rtol, full)
 
-    def plot(self, dof: Any = 0, ax: Any = None) -> Any:
+    def plot(self, dof: Displacement = 0, ax: Axes | None = None) -> Figure:
         """Spectrum: amplitude over frequency in Hz, the largest terms named by index; returns the figure."""
         from ..plot.nonlinear import spectrum
 
         return spectrum(self, dof, ax=ax)
 
-    def plot_orbit(self, dof: Any = 0, ax: Any = None) -> Any:
+    def plot_orbit(self, dof: Displacement = 0, ax: Axes | None = None) -> Figure:
         """Thirty cycles of the slowest force in time, and velocity over displacement; returns the figure."""
         from ..plot.nonlinear import orbit
 
@@ -220,7 +214,7 @@ def quasi_periodic(
     tol: float | None = None,
     tolerance: float = 1e-10,
     max_iterations: int = 60,
-    at: Any = None,
+    at: StateLike = None,
     without: Sequence[str] = (),
 ) -> QuasiPeriodicSolution:
     """Response of M x" + C x' + K x + sum_e w_e law_e(w_e . x, w_e . x') to forces of p >= 2 incommensurable

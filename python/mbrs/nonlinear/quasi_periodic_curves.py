@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from time import perf_counter
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -19,6 +19,12 @@ from .branch_points import MEANING, STATUS
 from .displacement import label
 from .periodic import UNRESOLVED, effects_of
 from .quasi_periodic import MOST_AUTOMATIC, QuasiPeriodicSolution, Torus
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from .displacement import Displacement
 
 
 @result
@@ -64,15 +70,15 @@ class QuasiPeriodicResponse(Result):
     def __len__(self) -> int:
         return len(self.scale)
 
-    def coefficient(self, dof: Any = 0, index: Sequence[int] = (1, 0)) -> np.ndarray:
+    def coefficient(self, dof: Displacement = 0, index: Sequence[int] = (1, 0)) -> np.ndarray:
         """(n,) a - i b of one term of one displacement."""
         return np.array([self.point(i).coefficient(dof, index) for i in range(len(self))])
 
-    def amplitude(self, dof: Any = 0, index: Sequence[int] = (1, 0)) -> np.ndarray:
+    def amplitude(self, dof: Displacement = 0, index: Sequence[int] = (1, 0)) -> np.ndarray:
         """(n,) magnitude of one term of one displacement."""
         return np.abs(self.coefficient(dof, index))
 
-    def label(self, dof: Any = 0) -> str:
+    def label(self, dof: Displacement = 0) -> str:
         """Name of a displacement."""
         return label(self.system, dof, self.X.shape[1])
 
@@ -86,7 +92,7 @@ class QuasiPeriodicResponse(Result):
         name, x = self.along
         return x, name, np.array(self.fold_places, dtype=float)
 
-    def ordinates(self, dof: Any = 0, index: Any = None) -> list[tuple[str, np.ndarray, np.ndarray]]:
+    def ordinates(self, dof: Displacement = 0, index: Any = None) -> list[tuple[str, np.ndarray, np.ndarray]]:
         """Name, amplitude and amplitude at the folds of the term ``index``, or of one term for each force."""
         chosen = np.eye(self.omega.shape[1], dtype=int).tolist() if index is None else [list(index)]
         return [
@@ -101,7 +107,7 @@ class QuasiPeriodicResponse(Result):
             one = one.replaced(system=self.family(float(self.value[i])))
         return one
 
-    def plot(self, dof: Any = 0, index: Sequence[int] | None = None, ax: Any = None) -> Any:
+    def plot(self, dof: Displacement = 0, index: Sequence[int] | None = None, ax: Axes | None = None) -> Figure:
         """Amplitude of one term, or of one for each force, over the parameter, folds marked; returns the figure."""
         from ..plot.nonlinear import torus_branch
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from time import perf_counter
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -16,6 +16,12 @@ from . import balance
 from .branch_points import MEANING, Event
 from .displacement import displacement_coefficients, label, weigh, weights
 from .periodic import PeriodicSolution
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from .displacement import Displacement
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,7 +162,7 @@ class FrequencyResponse(Result):
         period = 2 * np.pi * order / self.omega
         return np.exp(self.exponents * period[:, None])
 
-    def label(self, dof: Any = 0) -> str:
+    def label(self, dof: Displacement = 0) -> str:
         """Name of a displacement."""
         return label(self.system, dof, self.system.n)
 
@@ -178,7 +184,7 @@ class FrequencyResponse(Result):
                 self._cache[key] = out
         return self._cache[key]
 
-    def coefficient(self, dof: Any = 0, harmonic: int = 1) -> np.ndarray:
+    def coefficient(self, dof: Displacement = 0, harmonic: int = 1) -> np.ndarray:
         """(n,) complex amplitudes a - i b of one harmonic of one displacement.
 
         ``dof``: number or name of a coordinate, or, of a model, a motion such as ``body.motion("z")``.
@@ -190,14 +196,14 @@ class FrequencyResponse(Result):
             return np.zeros(len(self), complex)
         return x[:, 2 * harmonic - 1] - 1j * x[:, 2 * harmonic]
 
-    def amplitude(self, dof: Any = 0, harmonic: int | None = 1, n_t: int = 256) -> np.ndarray:
+    def amplitude(self, dof: Displacement = 0, harmonic: int | None = 1, n_t: int = 256) -> np.ndarray:
         """(n,) magnitude of one harmonic of one displacement; ``harmonic=None``: largest |x| over ``n_t`` instants of
         a period."""
         if harmonic is not None:
             return np.abs(self.coefficient(dof, harmonic))
         return _largest(self._rows_of(dof), n_t)
 
-    def event_amplitude(self, event: Event, dof: Any = 0, harmonic: int | None = 1) -> float:
+    def event_amplitude(self, event: Event, dof: Displacement = 0, harmonic: int | None = 1) -> float:
         """The same of the motion at an event."""
         x = displacement_coefficients(event.X, self.system, dof)
         if harmonic is None:
@@ -220,7 +226,7 @@ class FrequencyResponse(Result):
         near = min(event.index, len(self) - 1)
         return self._solution(self._part_of(near)[0].setup, event.omega, event.level, event.X, float(self.error[near]))
 
-    def peak(self, dof: Any = 0, harmonic: int | None = 1) -> PeriodicSolution:
+    def peak(self, dof: Displacement = 0, harmonic: int | None = 1) -> PeriodicSolution:
         """The solution where the amplitude of one harmonic, or with None the largest displacement, is largest: solved for
         (d amplitude / d arclength = 0) from the largest point of the curve, along its tangent, so also where that is a fold.
         ``dof`` as for `amplitude`: a coordinate, condensed or not, or a motion of the model. Only for curves over frequency."""
@@ -290,8 +296,13 @@ class FrequencyResponse(Result):
         return made
 
     def plot(
-        self, dof: Any = 0, harmonic: int | None = 1, ax: Any = None, label: str | None = None, over: str = ""
-    ) -> Any:
+        self,
+        dof: Displacement = 0,
+        harmonic: int | None = 1,
+        ax: Axes | None = None,
+        label: str | None = None,
+        over: str = "",
+    ) -> Figure:
         """Amplitude over frequency (or level), unstable parts dashed, events marked; returns the matplotlib figure.
 
         ``ax``, ``label``: axes to draw into, for several curves in one picture, and a name of this one. ``over``: "frequency"
@@ -301,7 +312,7 @@ class FrequencyResponse(Result):
 
         return curve(self, dof, harmonic, ax=ax, label=label, over=over)
 
-    def plot_multipliers(self) -> Any:
+    def plot_multipliers(self) -> Figure:
         """Floquet multipliers in the complex plane, and the largest along the curve; returns the figure."""
         from ..plot.nonlinear import multipliers
 

@@ -11,7 +11,7 @@ from .._lib import checks
 from ..errors import ModelError
 
 # Samples in a period: doubled until the coefficients of the upper half are rounding, or to the limit. Larger: seconds for a Python
-# function. Smaller: jumps alias more; what aliases is in the error. Pinned by `tests/test_function_forces.py`.
+# function. Smaller: jumps alias more; what aliases is in the error. Pinned by `tests/nonlinear/test_function_forces.py`.
 _FEWEST, _MOST = 256, 16384
 # Coefficients below this part of the largest are rounding of the transform. Larger: weak harmonics are lost. Smaller: rounding is kept as
 # force. Pinned by the same tests.

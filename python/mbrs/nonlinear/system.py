@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from .._lib import checks
-from .._lib.border import core_errors
 from ..errors import ModelError
 from ..linear.linearization import Linearization
-from ..linear.linearize import linearization_at
+from ..linear.linearize import linearization_at, matrices_at
 from ..linear.matrices import MechanicalSystem
 from ..linear.relaxation import FunctionPlace, LawPlace, function_places, law_places
 from ..model.book import Book
@@ -22,6 +21,9 @@ from ..system.effects import check_without
 from ..system.snapshot import Snapshot
 from ..system.state import state_of
 from .shifted_laws import ShiftedFunction, shifted
+
+if TYPE_CHECKING:
+    from ..system.state import StateLike
 
 # a displacement below this part of the characteristic length (or this angle) is rounding of an equilibrium
 _UNDEFORMED = 1e-12
@@ -36,7 +38,7 @@ class NonlinearSystem(MechanicalSystem):
     values: Mapping[str, float] = {}
 
 
-def nonlinear_system(m: Any, *, at: Any = None, without: Sequence[str] = ()) -> NonlinearSystem:
+def nonlinear_system(m: Any, *, at: StateLike = None, without: Sequence[str] = ()) -> NonlinearSystem:
     """M x" + (C + G) x' + (K + N) x + sum_e w_e (law_e(u_e + w_e . x, w_e . x') - law_e(u_e, 0)) = f about a state.
 
     Geometry is linear in the minimal coordinates x, laws are not: the matrices hold everything but the slopes of the
@@ -87,8 +89,7 @@ def nonlinear_system(m: Any, *, at: Any = None, without: Sequence[str] = ()) -> 
     without = check_without(checks.names("without", without))
     snapshot = Snapshot.of(m, without)
     state = state_of(m, snapshot.system, at)
-    with core_errors():
-        r = snapshot.system.linearize(state.q, state.rate, [*without, "law-slopes"])
+    r = matrices_at(snapshot, state, [*without, "law-slopes"])
     lin = linearization_at(snapshot, state, r, without, started, warn=at is None)
     elements: list[Any] = []
     for place in law_places(lin):

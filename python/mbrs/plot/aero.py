@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from .figure import canvas, colours, legend, style
 
-__all__ = ["circulation", "performance", "response", "start", "wake"]
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+__all__ = ["blade_loads", "circulation", "performance", "response", "start", "wake"]
 
 
-def performance(result: Any, *, ax: Any = None) -> Any:
+def performance(result: Any, *, ax: Axes | None = None) -> Figure:
     """Power coefficient (full) and thrust coefficient (dashed) over the tip speed ratio."""
     with style():
         made, axes = canvas(ax)
@@ -24,7 +28,7 @@ def performance(result: Any, *, ax: Any = None) -> Any:
     return made
 
 
-def circulation(result: Any, *, ax: Any = None) -> Any:
+def circulation(result: Any, *, ax: Axes | None = None) -> Figure:
     """Circulation over the wind's speed along the span, a curve for each angle."""
     with style():
         made, axes = canvas(ax)
@@ -37,7 +41,7 @@ def circulation(result: Any, *, ax: Any = None) -> Any:
     return made
 
 
-def start(result: Any, *, ax: Any = None) -> Any:
+def start(result: Any, *, ax: Axes | None = None) -> Figure:
     """Lift coefficient over the distance flown."""
     with style():
         made, axes = canvas(ax)
@@ -46,7 +50,7 @@ def start(result: Any, *, ax: Any = None) -> Any:
     return made
 
 
-def wake(result: Any, *, ax: Any = None) -> Any:
+def wake(result: Any, *, ax: Axes | None = None) -> Figure:
     """Filaments that roll up outboard (full) and inboard (thin) of each blade, from the side, over the radius."""
     with style():
         made, axes = canvas(ax)
@@ -59,10 +63,22 @@ def wake(result: Any, *, ax: Any = None) -> Any:
     return made
 
 
-def response(result: Any, *, ax: Any = None) -> Any:
+def response(result: Any, *, ax: Axes | None = None) -> Figure:
     """Thrust over time."""
     with style():
         made, axes = canvas(ax)
         axes.plot(result.time, result.thrust, color=colours(axes, 1)[0])
         axes.set(xlabel="time [s]", ylabel="thrust [N]", title="rotor in time")
+    return made
+
+
+def blade_loads(result: Any, *, ax: Any = None) -> Any:
+    """Mean of the normal force per length over the place, and its range in time."""
+    with style():
+        made, axes = canvas(ax)
+        colour = colours(axes, 1)[0]
+        f = result.normal_force
+        axes.fill_between(result.place, f.min(axis=0), f.max(axis=0), color=colour, alpha=0.25, lw=0.0)
+        axes.plot(result.place, f.mean(axis=0), color=colour)
+        axes.set(xlabel="place along the blade [m]", ylabel="normal force [N/m]", title=f"air at {result.body}")
     return made

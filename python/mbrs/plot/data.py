@@ -208,3 +208,29 @@ def _step(value: float, unit: str) -> tuple[float, str]:
     if not math.isfinite(value):
         return 1.0, f"+1 {unit or 'unit'}"
     return 0.01 * abs(value), f"+1 % of {number(float(value), 6)} {unit}".rstrip()
+
+
+def rounded(z: np.ndarray) -> np.ndarray:
+    """Points of a line through complex values: cubic arcs where it turns by less than 60 degrees from piece to piece, else straight.
+
+    Tangents are those of parabolas through three neighbours, so that circles of a dozen points look round.
+    """
+    if len(z) < 4:
+        return z
+    piece = np.diff(z)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        length = np.abs(piece)
+        turn = np.abs(np.angle(piece[1:] / piece[:-1]))
+        way = piece / length
+        inner = (way[:-1] * length[1:] + way[1:] * length[:-1]) / (length[1:] + length[:-1])
+        tangent = np.concatenate([way[:1], inner / np.abs(inner), way[-1:]])
+    gentle = np.concatenate([[False], (turn[:-1] < np.pi / 3) & (turn[1:] < np.pi / 3), [False]])
+    s = np.linspace(0.0, 1.0, 9)[:-1]
+    out = []
+    for i, arc in enumerate(gentle):
+        if not arc:
+            out.append(z[i : i + 1])
+            continue
+        a, b = length[i] * tangent[i], length[i] * tangent[i + 1]
+        out.append(z[i] + s * (a + s * (3.0 * piece[i] - 2.0 * a - b + s * (a + b - 2.0 * piece[i]))))
+    return np.concatenate([*out, z[-1:]])

@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..errors import ModelError
 from .figure import canvas, colours, from_the_top, legend, log_frequencies, style
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
 __all__ = ["equilibrium_sensitivity", "frf_sensitivity", "linearization_sensitivity", "response_sensitivity"]
 
 _MOST = 10
 
 
-def frf_sensitivity(result: Any, *, ax: Any = None) -> Any:
+def frf_sensitivity(result: Any, *, ax: Axes | None = None) -> Figure:
     """|dH/dp| over the frequency, a line for each parameter and pair of ports, the ten largest of them."""
     n_out, n_in = result.value.shape[:2]
     pairs = n_out * n_in > 1
@@ -39,7 +43,7 @@ def frf_sensitivity(result: Any, *, ax: Any = None) -> Any:
     return made
 
 
-def response_sensitivity(result: Any, *, ax: Any = None) -> Any:
+def response_sensitivity(result: Any, *, ax: Axes | None = None) -> Figure:
     """dy/dp over time, each line over its largest value, since parameters have different units."""
     several = len(result.outputs) > 1
     curves = []
@@ -53,7 +57,7 @@ def response_sensitivity(result: Any, *, ax: Any = None) -> Any:
     return made
 
 
-def linearization_sensitivity(result: Any, *, ax: Any = None) -> Any:
+def linearization_sensitivity(result: Any, *, ax: Axes | None = None) -> Figure:
     """Largest entries of dM/dp and dK/dp for a change of each parameter by its unit, over the largest of each matrix."""
     labels = list(result.labels)
     sizes = {f"max |d{name}|": _largest(getattr(result, name), len(labels)) for name in "MK"}
@@ -63,7 +67,7 @@ def linearization_sensitivity(result: Any, *, ax: Any = None) -> Any:
     )
 
 
-def equilibrium_sensitivity(result: Any, *, ax: Any = None) -> Any:
+def equilibrium_sensitivity(result: Any, *, ax: Axes | None = None) -> Figure:
     """Displacement of the origin of each body, |dx/dp|, over the largest by each parameter."""
     size = np.linalg.norm(result.position, axis=1)
     largest = size.max(axis=0, initial=0.0)

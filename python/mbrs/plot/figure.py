@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 __all__ = ["FADED", "PALETTE", "canvas", "colours", "figure", "from_the_top", "legend", "log_frequencies", "style"]
 
@@ -51,7 +54,7 @@ def figure(
     return made, made.subplots(rows, columns, **options)
 
 
-def canvas(ax: Any, size: tuple[float, float] = (7.0, 4.4)) -> tuple[Any, Any]:
+def canvas(ax: Axes | None, size: tuple[float, float] = (7.0, 4.4)) -> tuple[Any, Any]:
     """The figure and axes to draw into: those of ``ax``, or new ones."""
     return figure(size=size) if ax is None else (ax.figure, ax)
 

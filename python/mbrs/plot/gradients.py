@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..errors import ModelError
 from .figure import PALETTE, canvas, colours, figure, legend, style
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 __all__ = ["convergence", "over_time", "tornado"]
 
@@ -19,8 +23,8 @@ def tornado(
     n: int = 30,
     change: float | Mapping[str, float] = 0.01,
     objective: int = 0,
-    ax: Any = None,
-) -> Any:
+    ax: Axes | None = None,
+) -> Figure:
     """Bars of the first-order change of the objective for a change of each parameter, largest first.
 
     Parameters
@@ -90,7 +94,7 @@ def _finite(name: str, value: Any) -> float:
     return number
 
 
-def over_time(traj: Any, of: str, *, ax: Any = None) -> Any:
+def over_time(traj: Any, of: str, *, ax: Axes | None = None) -> Figure:
     """The derivatives of a quantity of a trajectory over time: a panel for each parameter, a line for each component.
 
     ``of`` names the quantity as in `Trajectory.sensitivity`; with ``ax`` only the first parameter is drawn, there.
@@ -133,7 +137,7 @@ def _per(unit: str, by: str) -> str:
     return f"[{unit} / ({by})]" if "/" in by or " " in by else f"[{unit}/{by}]"
 
 
-def convergence(result: Any, *, ax: Any = None, label: str | None = None) -> Any:
+def convergence(result: Any, *, ax: Axes | None = None, label: str | None = None) -> Figure:
     """The objective over the evaluations of an optimiser, and the least so far among designs that keep to the constraints.
 
     ``ax``, ``label``: axes for several runs in one picture, and what to call this one there.
@@ -153,6 +157,6 @@ def convergence(result: Any, *, ax: Any = None, label: str | None = None) -> Any
         if len(values) and np.all(values > 0.0) and values.max() > 20 * values.min():
             ax.set_yscale("log")
         ax.set(xlabel="evaluation", ylabel="objective", title=f"{result.status}: {result.value:.6g}")
-        ax.xaxis.get_major_locator().set_params(integer=True)
+        ax.locator_params(axis="x", integer=True)
         legend(ax)
     return made

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..errors import ModelError
-from .data import Curve, breaks_at_jumps, frf_unit, magnitude_label, peak, ranked_curves, response_unit
+from .data import Curve, breaks_at_jumps, frf_unit, magnitude_label, peak, ranked_curves, response_unit, rounded
 from .figure import FADED, PALETTE, canvas, colours, figure, legend, log_frequencies, style
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 __all__ = ["campbell", "frf", "modes", "response"]
 
@@ -17,7 +21,7 @@ _MOST_NAMED = 10
 _MOST_TICKS = 40
 
 
-def modes(result: Any, *, n: int = 40, ax: Any = None, label: str | None = None) -> Any:
+def modes(result: Any, *, n: int = 40, ax: Axes | None = None, label: str | None = None) -> Figure:
     """Poles in the complex plane, and how much each coordinate moves in each mode.
 
     Parameters
@@ -84,7 +88,9 @@ def _participation(made: Any, axes: Any, result: Any, n: int) -> None:
     made.colorbar(picture, ax=axes, fraction=0.04, pad=0.02)
 
 
-def frf(result: Any, kind: str = "bode", *, marks: Any = (), ax: Any = None, label: str | None = None) -> Any:
+def frf(
+    result: Any, kind: str = "bode", *, marks: Any = (), ax: Axes | None = None, label: str | None = None
+) -> Figure:
     """A transfer function as Bode or Nyquist plot; with many curves the ten largest are coloured and the others grey.
 
     Parameters
@@ -162,9 +168,11 @@ def _nyquist(result: Any, named: list[Curve], rest: list[Curve], ax: Any) -> tup
     unit = frf_unit(result)
     made, axes = canvas(ax, (7.0, 6.0))
     for curve in rest:
-        axes.plot(curve.value.real, curve.value.imag, color=FADED, lw=0.7, zorder=1.5)
+        line = rounded(curve.value)
+        axes.plot(line.real, line.imag, color=FADED, lw=0.7, zorder=1.5)
     for i, (curve, colour) in enumerate(zip(named, colours(axes, len(named)), strict=True)):
-        axes.plot(curve.value.real, curve.value.imag, color=colour, label=curve.label)
+        line = rounded(curve.value)
+        axes.plot(line.real, line.imag, color=colour, label=curve.label)
         if i < 4:
             _mark_peak(axes, curve, np.asarray(result.frequency, dtype=float), colour)
     axes.axhline(0.0, color="#9aa7b5", lw=0.8)
@@ -188,7 +196,7 @@ def _mark_peak(axes: Any, curve: Curve, frequency: np.ndarray, colour: str) -> N
     axes.annotate(f"{frequency[i]:.4g} Hz", place, (6, -12), textcoords="offset points", fontsize=8, color=colour)
 
 
-def response(result: Any, *, ax: Any = None, label: str | None = None) -> Any:
+def response(result: Any, *, ax: Axes | None = None, label: str | None = None) -> Figure:
     """Outputs over time: one axes up to ten curves, above that the ten largest coloured and the others grey.
 
     ``result``: a `ResponseResult` with ``t`` (n_t,) s, ``value`` (n_out, n_t), ``outputs`` (names). ``ax``,
@@ -218,8 +226,13 @@ def response(result: Any, *, ax: Any = None, label: str | None = None) -> Any:
 
 
 def campbell(
-    result: Any, *, orders: tuple[float, ...] = (1.0, 2.0), most: int = 16, ax: Any = None, label: str | None = None
-) -> Any:
+    result: Any,
+    *,
+    orders: tuple[float, ...] = (1.0, 2.0),
+    most: int = 16,
+    ax: Axes | None = None,
+    label: str | None = None,
+) -> Figure:
     """Natural frequencies over the speed of rotation, with engine orders, critical speeds and forward or backward whirl.
 
     The axis reaches as far as the speed, the critical speeds and the two lowest modes do.

@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from .figure import canvas, colours, figure, legend, style
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 __all__ = ["eigenvalues", "energy_shares", "matrices", "rotor_modes"]
 
 _MOST_TICKS = 40
 
 
-def matrices(lin: Any, *, ax: Any = None) -> Any:
+def matrices(lin: Any, *, ax: Axes | None = None) -> Figure:
     """Size of the entries |a_ij| over sqrt(|a_ii a_jj|) of each matrix that is there; with ``ax`` those of K."""
     present = [name for name in "MCGKN" if getattr(lin, name) is not None]
     with style():
@@ -32,7 +36,7 @@ def matrices(lin: Any, *, ax: Any = None) -> Any:
     return made
 
 
-def energy_shares(shares: Any, *, ax: Any = None) -> Any:
+def energy_shares(shares: Any, *, ax: Axes | None = None) -> Figure:
     """Shares of kinetic and strain energy of each mode as coloured cells; with ``ax`` those of the kinetic energy."""
     parts = shares.parts()
     with style():
@@ -53,7 +57,7 @@ def energy_shares(shares: Any, *, ax: Any = None) -> Any:
     return made
 
 
-def eigenvalues(space: Any, *, ax: Any = None) -> Any:
+def eigenvalues(space: Any, *, ax: Axes | None = None) -> Figure:
     """Eigenvalues of A in the complex plane."""
     s = np.linalg.eigvals(space.A)
     with style():
@@ -65,7 +69,7 @@ def eigenvalues(space: Any, *, ax: Any = None) -> Any:
     return made
 
 
-def rotor_modes(result: Any, *, ax: Any = None) -> Any:
+def rotor_modes(result: Any, *, ax: Axes | None = None) -> Figure:
     """Frequencies as a fixed observer sees them (filled) and in the turning frame (rings), coloured by family."""
     families = list(dict.fromkeys(result.family))
     with style():

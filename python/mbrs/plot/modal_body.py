@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..errors import ModelError
 from .figure import PALETTE, figure, legend, style
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
 __all__ = ["plot"]
 
 _MOST = 12
 
 
-def plot(body: Any, modes: Sequence[int] | None = None) -> Any:
+def plot(body: Any, modes: Sequence[int] | None = None) -> Figure:
     """Displacement of the points along a `ModalBody`, one pair of axes for each modal coordinate.
 
     Parameters

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..view.scene import SceneGeometry
 from .figure import FADED, PALETTE, canvas, colours, legend, style
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 __all__ = ["equilibrium", "steady_motion", "system"]
 
@@ -16,7 +20,7 @@ _SEEN = 0.1  # part of the model's size to which smaller displacements are enlar
 _SMALL = 0.02  # below this part of the size they are enlarged
 
 
-def equilibrium(result: Any, *, ax: Any = None) -> Any:
+def equilibrium(result: Any, *, ax: Axes | None = None) -> Figure:
     """The drawn model in grey and the equilibrium in colour, in the plane of the two world axes along which it is widest.
 
     Small displacements are enlarged by a round factor, which the title states.
@@ -37,7 +41,7 @@ def equilibrium(result: Any, *, ax: Any = None) -> Any:
     return made
 
 
-def steady_motion(result: Any, *, ax: Any = None) -> Any:
+def steady_motion(result: Any, *, ax: Axes | None = None) -> Figure:
     """The bodies in a steady motion with the velocities of their origins as arrows, and the driven speeds in the title."""
     scene = result.linearization.geometry
     plane, size = _plane(scene)
@@ -62,7 +66,7 @@ def steady_motion(result: Any, *, ax: Any = None) -> Any:
     return made
 
 
-def system(result: Any, *, ax: Any = None) -> Any:
+def system(result: Any, *, ax: Axes | None = None) -> Figure:
     """The spanning tree: bodies in columns by the number of joints to ground, tree joints as lines, joints that close loops
     dashed.
     """

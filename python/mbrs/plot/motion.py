@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..errors import ModelError
 from .figure import PALETTE, canvas, colours, figure, legend, style
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 __all__ = ["plot"]
 
@@ -49,7 +53,9 @@ class Panel:
     height: float = 1.0
 
 
-def plot(traj: Any, what: str = "motion", *, of: Any = None, ax: Any = None, label: str | None = None) -> Any:
+def plot(
+    traj: Any, what: str = "motion", *, of: Any = None, ax: Axes | None = None, label: str | None = None
+) -> Figure:
     """Curves over time.
 
     Parameters
@@ -104,7 +110,7 @@ def plot(traj: Any, what: str = "motion", *, of: Any = None, ax: Any = None, lab
         if ax is not None:
             _draw(panels[0], ax, label)
             ax.set_xlabel("time [s]")
-            return ax.figure
+            return canvas(ax)[0]
         made, axes = figure(
             len(panels), 1, size=(8.6, 0.8 + 2.3 * sum(heights)), sharex=True, squeeze=False, height_ratios=heights
         )
@@ -125,7 +131,7 @@ def _draw(panel: Panel, ax: Any, label: str | None) -> None:
     ax.set(title=panel.title, ylabel=panel.ylabel)
 
 
-def energies(energy: Any, *, ax: Any = None) -> Any:
+def energies(energy: Any, *, ax: Axes | None = None) -> Figure:
     """Energies of a motion over its outputs, which carry no times of their own."""
     parts = {"total": energy.total, "kinetic": energy.kinetic, "gravity": energy.gravity, **energy.stored}
     kept = {name: value for name, value in parts.items() if np.any(value != 0.0)} or {"total": energy.total}
@@ -258,6 +264,8 @@ def steps(traj: Any) -> Panel:
             ax.step(t, np.append(np.diff(t), np.diff(t)[-1:]), where="post", color=PALETTE[0])
             if np.ptp(np.diff(t)) > 1e-9 * (t[-1] - t[0]):
                 ax.set_yscale("log")
+            else:  # equal steps but for rounding, which is not worth a picture
+                ax.set_ylim(0.0, 1.3 * float(np.diff(t).max()))
 
     return Panel(f"length of steps ({note})", "step [s]", draw)
 

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..errors import ModelError
 from .figure import FADED, PALETTE, canvas, colours, figure, legend, style
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 __all__ = ["curve", "harmonics", "multipliers", "orbit", "spectrum", "torus_branch"]
 
@@ -22,8 +26,14 @@ _FLOOR = 1e-16
 
 
 def curve(
-    result: Any, dof: Any = 0, harmonic: int | None = 1, *, ax: Any = None, label: str | None = None, over: str = ""
-) -> Any:
+    result: Any,
+    dof: Any = 0,
+    harmonic: int | None = 1,
+    *,
+    ax: Axes | None = None,
+    label: str | None = None,
+    over: str = "",
+) -> Figure:
     """Amplitude over frequency (or force level): unstable parts dashed, events marked where they were solved for.
 
     Parameters
@@ -108,7 +118,7 @@ def _branch(
     return color
 
 
-def harmonics(result: Any, dof: Any = 0, *, ax: Any = None) -> Any:
+def harmonics(result: Any, dof: Any = 0, *, ax: Axes | None = None) -> Figure:
     """Bars of the amplitudes |a - i b| of the harmonics of one coordinate, the mean first, on a logarithmic axis."""
     top = (result.X.shape[1] - 1) // 2
     order = np.arange(top + 1)
@@ -132,7 +142,7 @@ def harmonics(result: Any, dof: Any = 0, *, ax: Any = None) -> Any:
     return made
 
 
-def orbit(result: Any, dof: Any = 0, *, ax: Any = None) -> Any:
+def orbit(result: Any, dof: Any = 0, *, ax: Axes | None = None) -> Figure:
     """Displacement over one period, and velocity over displacement; with ``ax`` the latter alone.
 
     A quasi-periodic motion, which has no period, is drawn over thirty cycles of its slowest force.
@@ -159,7 +169,7 @@ def orbit(result: Any, dof: Any = 0, *, ax: Any = None) -> Any:
     return made
 
 
-def spectrum(result: Any, dof: Any = 0, *, most: int = 6, ax: Any = None) -> Any:
+def spectrum(result: Any, dof: Any = 0, *, most: int = 6, ax: Axes | None = None) -> Figure:
     """Amplitude over frequency in Hz as stems; the ``most`` largest of a quasi-periodic motion are named by index."""
     frequency, size, names = result.lines(dof)
     keep = size > float(np.max(size, initial=0.0)) * 1e-14
@@ -214,7 +224,7 @@ def multipliers(result: Any) -> Any:
     return made
 
 
-def torus_branch(result: Any, dof: Any = 0, index: Any = None, *, ax: Any = None) -> Any:
+def torus_branch(result: Any, dof: Any = 0, index: Any = None, *, ax: Axes | None = None) -> Figure:
     """Amplitudes of terms of a quasi-periodic branch, folds marked."""
     x, name, marks = result.abscissa()
     with style():

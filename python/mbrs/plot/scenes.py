@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -14,6 +14,10 @@ from ..view.drawing import first_look, grain, solids
 from ..view.scene import SceneGeometry
 from ..view.symbols import GLYPHS, Link, links, marks
 from .figure import canvas, style
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 __all__ = ["scene"]
 
@@ -38,7 +42,9 @@ class _Eye:
         return np.asarray(points, dtype=float) @ self.axes.T
 
 
-def scene(drawn: SceneGeometry, title: str = "", *, view: Any = None, names: bool | None = None, ax: Any = None) -> Any:
+def scene(
+    drawn: SceneGeometry, title: str = "", *, view: Any = None, names: bool | None = None, ax: Axes | None = None
+) -> Figure:
     """Draw a scene as one sees it from far away.
 
     Parameters

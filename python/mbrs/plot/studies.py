@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import textwrap
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -11,10 +11,14 @@ from ..errors import ModelError
 from .data import tornado_bars
 from .figure import FADED, PALETTE, canvas, colours, figure, from_the_top, legend, style
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
 __all__ = ["accuracy", "effects", "tornado"]
 
 
-def tornado(sensitivity: Any, mode: int = 0, *, most: int = 20, ax: Any = None) -> Any:
+def tornado(sensitivity: Any, mode: int = 0, *, most: int = 20, ax: Axes | None = None) -> Figure:
     """Bars of the change of one natural frequency for a small change of each parameter, the largest on top.
 
     Parameters
@@ -51,7 +55,7 @@ def tornado(sensitivity: Any, mode: int = 0, *, most: int = 20, ax: Any = None) 
     return made
 
 
-def accuracy(study: Any, *, ax: Any = None) -> Any:
+def accuracy(study: Any, *, ax: Axes | None = None) -> Figure:
     """Measured error against measured time, both logarithmic, one line for each categorical setting of the study.
 
     ``study``: an `AccuracyStudy`; its ``lines()`` gives (label, points), each point with ``time`` (s), ``error`` and
@@ -82,7 +86,7 @@ def accuracy(study: Any, *, ax: Any = None) -> Any:
     return made
 
 
-def effects(study: Any, *, ax: Any = None) -> Any:
+def effects(study: Any, *, ax: Axes | None = None) -> Figure:
     """Change of the result and time saved when each effect is left out, as bars side by side. Returns a Figure."""
     rows = [row for row in study.runs if np.isfinite(row.change)]
     if not rows:
@@ -106,7 +110,7 @@ def effects(study: Any, *, ax: Any = None) -> Any:
     return made
 
 
-def effects_list(table: Any, *, ax: Any = None) -> Any:
+def effects_list(table: Any, *, ax: Axes | None = None) -> Figure:
     """The effects of a model: filled marks where they are on, empty ones where they are off, each with its reason."""
     entries = list(table.entries)
     with style():
@@ -120,7 +124,7 @@ def effects_list(table: Any, *, ax: Any = None) -> Any:
     return made
 
 
-def directional(result: Any, *, ax: Any = None) -> Any:
+def directional(result: Any, *, ax: Axes | None = None) -> Figure:
     """First-order change of every natural frequency along one change of all parameters, as bars."""
     with style():
         made, axes = canvas(ax)
@@ -133,7 +137,7 @@ def directional(result: Any, *, ax: Any = None) -> Any:
     return made
 
 
-def gradient_check(check: Any, *, ax: Any = None) -> Any:
+def gradient_check(check: Any, *, ax: Axes | None = None) -> Figure:
     """Relative disagreement of derivatives and differences by parameter, beside the error that the differences have."""
     labels, floor = list(check.labels), 1e-17
     with style():
@@ -156,7 +160,7 @@ def gradient_check(check: Any, *, ax: Any = None) -> Any:
     return made
 
 
-def comparison(result: Any, *, ax: Any = None) -> Any:
+def comparison(result: Any, *, ax: Axes | None = None) -> Figure:
     """Relative difference of core and reference by quantity, beside the error that the result states."""
     floor = 1e-17
     with style():
@@ -177,7 +181,7 @@ def comparison(result: Any, *, ax: Any = None) -> Any:
     return made
 
 
-def motion_sensitivity(result: Any, *, ax: Any = None) -> Any:
+def motion_sensitivity(result: Any, *, ax: Axes | None = None) -> Figure:
     """Derivatives of objectives by parameters as bars, each over the largest of its objective."""
     flat = np.asarray(result.derivative, dtype=float)
     labels = [f"{name} [per {unit}]" if unit else name for name, unit in zip(result.labels, result.units, strict=True)]

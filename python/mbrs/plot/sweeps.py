@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from .figure import PALETTE, canvas, colours, from_the_top, legend, style
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 __all__ = ["correlation", "failures", "indices", "parallel", "scatter"]
 
@@ -15,7 +19,7 @@ __all__ = ["correlation", "failures", "indices", "parallel", "scatter"]
 _MOST_LINES = 2000
 
 
-def parallel(columns: Mapping[str, Any], title: str, *, colour: Any = None, ax: Any = None) -> Any:
+def parallel(columns: Mapping[str, Any], title: str, *, colour: Any = None, ax: Axes | None = None) -> Figure:
     """Every design as one line over its numbers, each scaled to its range; ``columns`` as from ``labelled``.
 
     ``colour`` (n,) tells lines apart by a value, such as an output.
@@ -46,7 +50,7 @@ def parallel(columns: Mapping[str, Any], title: str, *, colour: Any = None, ax: 
     return made
 
 
-def scatter(columns: Mapping[str, Any], *, colour: Any = None, shade: str = "", ax: Any = None) -> Any:
+def scatter(columns: Mapping[str, Any], *, colour: Any = None, shade: str = "", ax: Axes | None = None) -> Figure:
     """The second column over the first, one point for each design; ``colour`` (n,) and its name ``shade`` colour them."""
     (across, x), (up, y) = columns.items()
     good = np.isfinite(x[1]) & np.isfinite(y[1])
@@ -69,8 +73,8 @@ def _axis(name: str, unit: str) -> str:
 
 
 def correlation(
-    values: Mapping[str, np.ndarray], inputs: tuple[str, ...], outputs: tuple[str, ...], *, ax: Any = None
-) -> Any:
+    values: Mapping[str, np.ndarray], inputs: tuple[str, ...], outputs: tuple[str, ...], *, ax: Axes | None = None
+) -> Figure:
     """Rank correlation (Spearman) of every output with every number of the designs, as a coloured table."""
     table = np.array([[_rank_correlation(values[a], values[b]) for a in inputs] for b in outputs])
     table = table.reshape(len(outputs), len(inputs))
@@ -99,7 +103,7 @@ def _rank_correlation(a: np.ndarray, b: np.ndarray) -> float:
     return float(np.corrcoef(rankdata(a[good]), rankdata(b[good]))[0, 1])
 
 
-def failures(result: Any, *, ax: Any = None) -> Any:
+def failures(result: Any, *, ax: Axes | None = None) -> Figure:
     """Bars of the number of failed designs of each kind; ``result`` with ``kinds()``: designs by reason, error class and object."""
     kinds = result.kinds()
     labels = [" ".join(part for part in key if part) for key in kinds]
@@ -116,7 +120,7 @@ def failures(result: Any, *, ax: Any = None) -> Any:
     return made
 
 
-def indices(names: tuple[str, ...], sides: Mapping[str, Any], title: str, *, ax: Any = None) -> Any:
+def indices(names: tuple[str, ...], sides: Mapping[str, Any], title: str, *, ax: Axes | None = None) -> Figure:
     """Bars of several values for each name; ``sides``: values and standard errors by label."""
     with style():
         made, axes = canvas(ax, (7.0, 1.4 + 0.42 * len(names)))

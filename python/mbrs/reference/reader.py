@@ -230,6 +230,14 @@ def read_imposed(t: Mapping[str, Any], x: Array, joints: list[Link]) -> list[Lin
     return out
 
 
+def refuse_air(t: Mapping[str, Any]) -> None:
+    """The equations here are without air."""
+    if len(t.get("air_name", ())):
+        raise ModelError(
+            f"the reference has no aerodynamics, but the model has {t['air_name'][0]!r}; compare a model without it"
+        )
+
+
 def read_gravity(t: Mapping[str, Any], x: Array) -> Array:
     i = int(np.atleast_1d(t.get("gravity_x", -1))[0])
     return np.zeros(3) if i < 0 else x[i : i + 3]

@@ -26,6 +26,9 @@ _MESSAGES = {
     "not-finite": "the estimate of the inverse Jacobian overflowed; give scales or another jac0",
 }
 _CODES = {name: i for i, name in enumerate(_MESSAGES)}
+# Iterations within which the norm must halve: fewer leave iterations that would still have converged, more spend evaluations on
+# those that would not; docs/root.md measures both.
+_PATIENCE = 20
 # Above this H itself would take more than 32 MB and most of the time.
 _ENDLESS = 2**62  # counts beyond it are never reached
 _LARGEST_DENSE = 2000
@@ -68,7 +71,8 @@ def root(
     method: str = "inverse-bfgs",
     *,
     tol: float = 1e-10,
-    jac0: str | ArrayLike = "fd",
+    plain: bool = False,
+    jac0: str | ArrayLike | None = None,
     inverse0: Any = None,
     x_scale: ArrayLike = 1.0,
     f_scale: ArrayLike | str = 1.0,
@@ -79,7 +83,7 @@ def root(
     fd_step: float = 1e-7,
     fallback: bool = True,
     restarts: int = 1,
-    patience: int = 20,
+    patience: int = _PATIENCE,
     rho: float = 0.9,
     sigma1: float = 1e-3,
     sigma2: float = 1e-3,
@@ -114,10 +118,14 @@ def root(
         ``"inverse-bfgs"``, or ``"broyden"``: the same iteration with Broyden's first update.
     tol
         Success is the 2-norm of F(x)/f_scale at most tol.
+    plain
+        The algorithm of the source and nothing else: the search, the update and the test of its determinant, from
+        the identity unless jac0 says otherwise. No fallback, restart, patience or scaled line search, no test of the
+        curvature, all of H; arguments that ask for one of these are refused.
     jac0
-        The first H: ``"fd"``, the inverse of a forward-difference Jacobian (n evaluations, fewer with ``sparsity``);
-        ``"identity"``; or an array (n, n), an estimate of the Jacobian dF/dx, which is inverted. With limited memory
-        and no ``sparsity`` the start is the identity.
+        The first H: ``"fd"`` (default unless ``plain``), the inverse of a forward-difference Jacobian (n evaluations,
+        fewer with ``sparsity``); ``"identity"``; or an array (n, n), an estimate of the Jacobian dF/dx, which is
+        inverted. With limited memory and no ``sparsity`` the start is the identity.
     inverse0
         ``sol.inverse`` of an earlier solve with the same scales, or an array (n, n), the first H itself. jac0 is
         then used at restarts only.
@@ -137,8 +145,7 @@ def root(
     fallback, restarts, patience
         If the norm does not halve within ``patience`` iterations, H is formed anew from differences at the best point,
         ``restarts`` times; then, with ``fallback``, the update becomes Broyden's, from the best point and once more
-        from x0. The message tells. ``fallback=False, restarts=0,
-        patience=10**6, invariant=False`` is the bare method.
+        from x0. The message tells.
     rho, sigma1, sigma2, beta, max_backtracks
         Constants of the line search.
     invariant
@@ -180,6 +187,13 @@ def root(
     """
     if method not in _METHODS:
         raise ModelError(f"method {method!r} is not known; choose from {', '.join(_METHODS)}")
+    if plain:
+        _check_plain(
+            restarts=(restarts, 1), patience=(patience, _PATIENCE), memory=(memory, "auto"), sparsity=(sparsity, None)
+        )
+        fallback, restarts, patience, invariant, curvature, memory = False, 0, _ENDLESS, False, 0.0, None
+    if jac0 is None:
+        jac0 = "identity" if plain else "fd"
     x = _start(x0)
     n = len(x)
     function = _Function(fun, args, _scale("x_scale", x_scale, n), np.ones(n))
@@ -217,6 +231,12 @@ def root(
         h,
     )
     return _result(found, function, method)
+
+
+def _check_plain(**given: tuple[Any, Any]) -> None:
+    for name, (value, usual) in given.items():
+        if value is not usual and value != usual:
+            raise ModelError(f"plain=True is the algorithm without {name}=; leave out one of them")
 
 
 def _run(*arguments: Any) -> dict[str, Any]:

@@ -6,7 +6,7 @@ import itertools
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -16,6 +16,10 @@ from ..errors import Interrupted, MbrsError, ModelError
 from ..results import Result, Stats, result
 from .measures import measure_for
 from .timing import name_of, short, timed
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 __all__ = ["AccuracyStudy", "Recommendation", "accuracy_study"]
 
@@ -147,7 +151,7 @@ class AccuracyStudy(Result):
         estimate = "estimate: the largest .error of the result itself"
         return [f"error: {self.measure}", f"reference: {self.reference}", estimate]
 
-    def plot(self, *, ax: Any = None) -> Any:
+    def plot(self, *, ax: Axes | None = None) -> Figure:
         """Error against time, logarithmic, one line for each categorical setting; returns the figure."""
         from ..plot import accuracy
 

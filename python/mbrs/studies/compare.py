@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -24,13 +24,16 @@ from ..reference import hbm_balance
 from ..reference.assembly import assemble
 from ..reference.kinematics import first_guess
 from ..reference.motion import with_rates
-from ..reference.transient import begin
 from ..results import Result, Stats, quantity, result
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 __all__ = ["Comparison", "compare"]
 
 # The reference is dense NumPy whose cost grows with the cube of its size: at this many degrees of freedom a linearisation takes
-# about a second. Larger: minutes without a word; smaller: ordinary machines are refused. Pinned by tests/test_compare.py.
+# about a second. Larger: minutes without a word; smaller: ordinary machines are refused. Pinned by tests/studies/test_compare.py.
 MOST_FREEDOMS = 120
 # Times between start and end at which a motion is compared, and the tolerance of the reference's integration.
 _TIMES = 12
@@ -95,7 +98,7 @@ class Comparison(Result):
         ]
         return ["quantity", "unit", "core", "reference", "relative difference", "agree"], rows
 
-    def plot(self, *, ax: Any = None) -> Any:
+    def plot(self, *, ax: Axes | None = None) -> Figure:
         """The relative difference of each quantity, logarithmic, with the stated error as a line; returns the figure."""
         from ..plot.studies import comparison
 
@@ -333,7 +336,7 @@ def _motion(traj: Trajectory) -> list[_Row]:
     start = traj.state(float(traj.t[0]))
     state = _state_at(sys, traj.snapshot.system.bodies(start.q, start.rate))
     chosen = np.unique(np.linspace(0, len(traj.t) - 1, _TIMES + 1).astype(int))
-    history = ref.oracle(sys, begin(sys, state), traj.t[chosen][1:] - traj.t[0], rtol=_RTOL)
+    history = ref.simulate(sys, state, traj.t[chosen][1:] - traj.t[0], rtol=_RTOL)
     ends = [with_rates(sys, instant.motion) for instant in history.instants]
     arms = np.array([b.com for b in sys.bodies]).reshape(-1, 3)
     place = np.array([s.r - np.einsum("nij,nj->ni", s.R, arms) for s in ends])

@@ -25,7 +25,7 @@ from ..nonlinear.periodic import harmonic_balance
 __all__ = ["Check", "Report", "examine"]
 
 # Rounding of the three self-checks, relative: each is a few thousand operations on well-conditioned numbers. Smaller, another
-# BLAS may miss it; larger, a core that lost half its digits would pass (tests/test_doctor.py).
+# BLAS may miss it; larger, a core that lost half its digits would pass (tests/studies/test_doctor.py).
 ALLOWED = 1e-9
 
 _NEEDED = ("numpy", "scipy", "click", "rich", "matplotlib")

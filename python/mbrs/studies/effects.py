@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -16,6 +16,10 @@ from ..results import Result, Stats, derived, result
 from ..system.effects import LINEAR_ONLY, effects
 from .measures import eigenvalue_difference, frequency_difference, measure_for
 from .timing import name_of, short, timed
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 __all__ = ["EffectRow", "EffectStudy", "effect_study"]
 
@@ -97,7 +101,7 @@ class EffectStudy(Result):
                 lines.append(f"work without {r.effect}: " + ", ".join(f"{n:+d} {name}" for name, n in r.fewer.items()))
         return lines
 
-    def plot(self, *, ax: Any = None) -> Any:
+    def plot(self, *, ax: Axes | None = None) -> Figure:
         """Change and time saved as bars, with ``ax`` the change; returns the figure."""
         from ..plot import effects
 

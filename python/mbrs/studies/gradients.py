@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -14,6 +14,10 @@ from ..errors import ModelError
 from ..linear.sensitivity import sensitivity
 from ..model.tables import directions
 from ..results import Result, Stats, quantity, result
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 # A derivative that differs from the differences by less than this many times their own error is confirmed.
 _FACTOR = 10.0
@@ -46,7 +50,7 @@ class GradientCheck(Result):
         rows = [list(row) for row in zip(self.labels, self.exact, self.difference, *short, self.ok, strict=True)]
         return ["parameter", "derivative", "difference", "disagreement", "error of difference", "agree"], rows
 
-    def plot(self, *, ax: Any = None) -> Any:
+    def plot(self, *, ax: Axes | None = None) -> Figure:
         """Disagreement and the error of the differences by parameter, logarithmic; returns the figure."""
         from ..plot.studies import gradient_check
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import cache, cached_property
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
@@ -11,10 +12,13 @@ import numpy as np
 from ..errors import ModelError
 from ..model.flexible import FlexibleBody
 from ..model.names import nearest, shown
-from ..model.schema import JOINTS, LAWS
+from ..model.schema import JOINTS, LAWS, Block
 from ..results import Result, derived, result
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
     from ..model.model import Model
 
 EFFECTS = (
@@ -29,6 +33,7 @@ EFFECTS = (
     "contact",
     "drives",
     "nonholonomic",
+    "aerodynamics",
 )
 # parts of a linearisation: a motion has them in its forces or not at all
 LINEAR_ONLY = frozenset({"gyroscopic", "preload-stiffness", "constraint-force-stiffness"})
@@ -91,7 +96,7 @@ class EffectsTable(Result):
         """Columns and rows of the table."""
         return ["effect", "state", "why"], [[e.name, "on" if e.on else "off", e.why] for e in self.entries]
 
-    def plot(self, *, ax: Any = None) -> Any:
+    def plot(self, *, ax: Axes | None = None) -> Figure:
         """The effects as filled (on) and empty (off) marks with their reasons; returns the figure."""
         from ..plot.studies import effects_list
 
@@ -128,12 +133,42 @@ def effects(model: Model) -> EffectsTable:
     """
     if not hasattr(model, "stores"):
         raise ModelError(f"effects needs a mb.Model, got {shown(model)}")
-    versions = (model.structure_version, model.values_version)
+    now = (model.structure_version, *_deciding_numbers(model))
     cached = model.cache.get("effects")
-    if cached is None or cached[0] != versions:
-        rows = tuple(Effect(name, *_RULES[name](model)) for name in EFFECTS)
-        cached = model.cache["effects"] = (versions, EffectsTable(model.name, rows))
+    if cached is None or cached[0] != now:
+        scene = _Scene(model)
+        rows = tuple(Effect(name, *_RULES[name](scene)) for name in EFFECTS)
+        cached = model.cache["effects"] = (now, EffectsTable(model.name, rows))
     return cached[1]
+
+
+# Fields of bodies, joints and elements whose numbers decide about effects; all others decide by being given or not.
+_DECIDING = ("velocity", "angular_velocity", "at_a", "at_b", "angle")
+
+
+@cache
+def _deciding(block: Block) -> tuple[int, ...]:
+    parts = (block.slice(name) for name in _DECIDING if name in block.fields)
+    return tuple(place for part in parts for place in range(part.start, part.stop))
+
+
+def deciding_places(model: Model) -> list[tuple[str, np.ndarray]]:
+    """Stores, and places in them, of all numbers that decide about effects."""
+    cached = model.cache.get("deciding places")
+    if cached is None or cached[0] != model.structure_version:
+        places = []
+        for kind, items in (("body", model.bodies), ("joint", model.joints), ("element", model.elements)):
+            own = [item.start + place for item in items for place in _deciding(item.table.block)]
+            places.append((kind, np.array(own, dtype=int)))
+        places += [(kind, np.arange(len(model.stores[kind].x))) for kind in ("gravity", "flexible")]
+        cached = model.cache["deciding places"] = (model.structure_version, [p for p in places if len(p[1])])
+    found: list[tuple[str, np.ndarray]] = cached[1]
+    return found
+
+
+def _deciding_numbers(model: Model) -> list[bytes]:
+    """These numbers now. Cost O(numbers), without a look at the objects."""
+    return [np.frombuffer(model.stores[kind].x)[places].tobytes() for kind, places in deciding_places(model)]
 
 
 def check_without(names: Any) -> tuple[str, ...]:
@@ -159,97 +194,95 @@ def _listed(names: list[str], limit: int = 4) -> str:
     return ", ".join(names[:limit]) + (f" and {len(names) - limit} more" if len(names) > limit else "")
 
 
-def _gravity(m: Model) -> tuple[bool, str]:
-    g = m.gravity
-    if g is None:
-        return False, "no gravity was given"
-    text = ", ".join(f"{v:g}" for v in g)
-    if not g.any():
-        return False, "gravity was given as zero"
-    return True, f"({text}) m/s2"
+class _Scene:
+    """A model, and what several effects ask of it."""
 
+    def __init__(self, model: Model) -> None:
+        self.model = model
 
-def _moving(m: Model) -> tuple[list[str], list[str]]:
-    turning, sliding = [], []
-    for body in m.bodies:
-        if any(body.values("angular_velocity")):
-            turning.append(body.name)
-        elif any(body.values("velocity")):
-            sliding.append(body.name)
-    return turning, sliding
+    @cached_property
+    def gravity(self) -> tuple[bool, str]:
+        g = self.model.gravity
+        if g is None:
+            return False, "no gravity was given"
+        text = ", ".join(f"{v:g}" for v in g)
+        if not g.any():
+            return False, "gravity was given as zero"
+        return True, f"({text}) m/s2"
 
+    @cached_property
+    def inertial(self) -> tuple[bool, str]:
+        turning, sliding = [], []
+        for body in self.model.bodies:
+            if any(body.values("angular_velocity")):
+                turning.append(body.name)
+            elif any(body.values("velocity")):
+                sliding.append(body.name)
+        if turning:
+            return True, f"initial angular velocity of {_listed(turning)}"
+        if sliding and self.model.joints:
+            return True, f"initial velocity of {_listed(sliding)}, which joints may turn into rotation"
+        if sliding:
+            return False, "bodies move, but none has an initial angular velocity"
+        return False, "no initial velocity"
 
-def _inertial(m: Model) -> tuple[bool, str]:
-    turning, sliding = _moving(m)
-    if turning:
-        return True, f"initial angular velocity of {_listed(turning)}"
-    if sliding and m.joints:
-        return True, f"initial velocity of {_listed(sliding)}, which joints may turn into rotation"
-    if sliding:
-        return False, "bodies move, but none has an initial angular velocity"
-    return False, "no initial velocity"
+    @cached_property
+    def loads(self) -> list[str]:
+        """Kinds of load on the springs and joints of the scene."""
+        out = ["gravity"] if self.gravity[0] else []
+        if self.model.loads:
+            out.append(_count(len(self.model.loads), "load"))
+        out += self._prestress()
+        if self.inertial[0]:
+            out.append("inertial forces")
+        return out
 
+    def _prestress(self) -> list[str]:
+        m, out = self.model, []
+        owners: list[Any] = [*m.joints, *m.elements]
+        preloaded = [o.name for o in owners if o.has("preload")]
+        springs = [o for o in m.elements if "length" in o.table.block.fields]
+        lengths = [o.name for o in springs if o.has("length")]
+        angles = [o.name for o in m.elements if "angle" in o.table.block.fields and o.values("angle") != [0.0]]
+        either = [o for o in owners if o.table.points == "either"]
+        apart = [o.name for o in either if o.values("at_a") != o.values("at_b")]
+        apart += [o.name for o in m.joints if o.has("length")]
+        if preloaded:
+            out.append(f"preload of {_listed(preloaded)}")
+        if lengths or angles:
+            out.append(f"natural length or angle given for {_listed(lengths + angles)}")
+        if apart:
+            out.append(f"assembly of {_listed(apart)}")
+        return out
 
-def _loads(m: Model) -> list[str]:
-    """Kinds of load on the springs and joints of the scene."""
-    out = []
-    if _gravity(m)[0]:
-        out.append("gravity")
-    if m.loads:
-        out.append(_count(len(m.loads), "load"))
-    out += _prestress(m)
-    if _inertial(m)[0]:
-        out.append("inertial forces")
-    return out
-
-
-def _prestress(m: Model) -> list[str]:
-    out = []
-    owners: list[Any] = [*m.joints, *m.elements]
-    preloaded = [o.name for o in owners if o.has("preload")]
-    springs = [o for o in m.elements if "length" in o.table.block.fields]
-    lengths = [o.name for o in springs if o.has("length")]
-    angles = [o.name for o in m.elements if "angle" in o.table.block.fields and o.values("angle") != [0.0]]
-    either = [o for o in owners if o.table.points == "either"]
-    apart = [o.name for o in either if o.values("at_a") != o.values("at_b")]
-    apart += [o.name for o in m.joints if o.has("length")]
-    if preloaded:
-        out.append(f"preload of {_listed(preloaded)}")
-    if lengths or angles:
-        out.append(f"natural length or angle given for {_listed(lengths + angles)}")
-    if apart:
-        out.append(f"assembly of {_listed(apart)}")
-    return out
+    @cached_property
+    def springs(self) -> list[Any]:
+        m = self.model
+        return [*m.elements, *(j for j in m.joints if _is_sprung(j) or ("joint", j.index) in m.laws_of)]
 
 
 def _count(n: int, what: str) -> str:
     return f"{n} {what}" + ("" if n == 1 else "s")
 
 
-def _springs(m: Model) -> list[Any]:
-    return [*m.elements, *(j for j in m.joints if _is_sprung(j) or ("joint", j.index) in m.laws_of)]
-
-
 def _is_sprung(joint: Any) -> bool:
     return any(joint.has(name) for name in ("k", "c", "preload"))
 
 
-def _preload_stiffness(m: Model) -> tuple[bool, str]:
-    if not _springs(m):
+def _preload_stiffness(scene: _Scene) -> tuple[bool, str]:
+    if not scene.springs:
         return False, "no spring, bushing or joint stiffness"
-    loads = _loads(m)
-    if not loads:
+    if not scene.loads:
         return False, "springs carry no force: no gravity, load, preload or given length"
-    return True, "springs are loaded by " + ", ".join(loads)
+    return True, "springs are loaded by " + ", ".join(scene.loads)
 
 
-def _constraint_stiffness(m: Model) -> tuple[bool, str]:
-    if not any(j.type != "free" for j in m.joints):
+def _constraint_stiffness(scene: _Scene) -> tuple[bool, str]:
+    if not any(j.type != "free" for j in scene.model.joints):
         return False, "no joint constrains anything"
-    loads = _loads(m)
-    if not loads:
+    if not scene.loads:
         return False, "joints carry no force: no gravity, load or preload"
-    return True, "joints are loaded by " + ", ".join(loads)
+    return True, "joints are loaded by " + ", ".join(scene.loads)
 
 
 def with_rate_laws(m: Model) -> list[Any]:
@@ -257,8 +290,8 @@ def with_rate_laws(m: Model) -> list[Any]:
     return [law.owner for laws in m.laws.values() for law in laws if law.uses_rate]
 
 
-def _damping(m: Model) -> tuple[bool, str]:
-    owners = _springs(m)
+def _damping(scene: _Scene) -> tuple[bool, str]:
+    m, owners = scene.model, scene.springs
     flexible = [b for b in m.bodies if isinstance(b, FlexibleBody) and any(b.integrals.values("C"))]
     if flexible:
         return True, f"modal damping of {_listed([b.name for b in flexible])}"
@@ -274,25 +307,26 @@ def _damping(m: Model) -> tuple[bool, str]:
     return True, f"{share} springs have damping"
 
 
-def _law_rule(what: str) -> Callable[[Model], tuple[bool, str]]:
+def _law_rule(what: str) -> Callable[[_Scene], tuple[bool, str]]:
     names = frozenset(law.name for law in LAWS.values() if law.effect == what)
 
-    def rule(m: Model) -> tuple[bool, str]:
-        found = [law.owner.name for laws in m.laws.values() for law in laws if law.name in names]
+    def rule(scene: _Scene) -> tuple[bool, str]:
+        found = [law.owner.name for laws in scene.model.laws.values() for law in laws if law.name in names]
         return (True, f"{what} law on {_listed(found)}") if found else (False, f"no {what} law")
 
     return rule
 
 
-def _flexibility(m: Model) -> tuple[bool, str]:
-    flexible = [body for body in m.bodies if isinstance(body, FlexibleBody)]
+def _flexibility(scene: _Scene) -> tuple[bool, str]:
+    flexible = [body for body in scene.model.bodies if isinstance(body, FlexibleBody)]
     if not flexible:
         return False, "all bodies are rigid"
     modes = sum(body.n_modes for body in flexible)
     return True, f"{_count(modes, 'modal coordinate')} of {_listed([body.name for body in flexible])}"
 
 
-def _drives(m: Model) -> tuple[bool, str]:
+def _drives(scene: _Scene) -> tuple[bool, str]:
+    m = scene.model
     varying = [load.name for load in m.loads if load.motions]
     parts = [f"drive {_listed([d.name for d in m.drives])}"] if m.drives else []
     if varying:
@@ -300,15 +334,23 @@ def _drives(m: Model) -> tuple[bool, str]:
     return (True, "; ".join(parts)) if m.drives else (False, "no joint is driven")
 
 
-def _nonholonomic(m: Model) -> tuple[bool, str]:
-    found = [j.name for j in m.joints if JOINTS[j.type].nonholonomic]
+def _aerodynamics(scene: _Scene) -> tuple[bool, str]:
+    airs = scene.model.airs
+    if not airs:
+        return False, "no air was given"
+    parts = [f"{air.name}: {_count(sum(air.counts()), 'section')}, inflow {air.inflow}" for air in airs]
+    return True, "; ".join(parts)
+
+
+def _nonholonomic(scene: _Scene) -> tuple[bool, str]:
+    found = [j.name for j in scene.model.joints if JOINTS[j.type].nonholonomic]
     return (True, f"{_listed(found)}") if found else (False, "no knife edge or rolling disc")
 
 
 _RULES: dict[str, Callable[[Any], tuple[bool, str]]] = {
-    "gravity": _gravity,
-    "gyroscopic": _inertial,
-    "centrifugal": _inertial,
+    "gravity": lambda scene: scene.gravity,
+    "gyroscopic": lambda scene: scene.inertial,
+    "centrifugal": lambda scene: scene.inertial,
     "preload-stiffness": _preload_stiffness,
     "constraint-force-stiffness": _constraint_stiffness,
     "damping": _damping,
@@ -317,4 +359,5 @@ _RULES: dict[str, Callable[[Any], tuple[bool, str]]] = {
     "contact": _law_rule("contact"),
     "drives": _drives,
     "nonholonomic": _nonholonomic,
+    "aerodynamics": _aerodynamics,
 }

@@ -31,14 +31,16 @@ class Snapshot:
     tables: dict[str, Any]
 
     @classmethod
-    def of(cls, model: Model, without: Sequence[str] = ()) -> Snapshot:
-        """Compile a model as it is now; without the effect "flexibility" its flexible bodies are rigid."""
+    def of(cls, model: Model, without: Sequence[str] = (), absolute: bool = False) -> Snapshot:
+        """Compile a model as it is now; without the effect "flexibility" its flexible bodies are rigid; ``absolute``: with all
+        joints as rows between bodies that have coordinates of their own.
+        """
         if not isinstance(model, Book):
             raise ModelError(f"expected a mb.Model, got {type(model).__name__}")
         with core_errors():
             flexible = not (model.is_flexible and "flexibility" in without)
-            system = compiled(model, flexible)
-        made = tables_with_nodes(tables(model, flexible))
+            system = compiled(model, flexible, absolute)
+        made = tables_with_nodes(tables(model, flexible, absolute))
         return cls(model, system, (model.structure_version, model.values_version), made)
 
     def frame(self, name: str) -> int:
@@ -73,7 +75,8 @@ class Snapshot:
 
     def __getstate__(self) -> dict[str, Any]:
         raw = self.tables.get("raw", self.tables)
-        return {"model": self.model, "current": self.current, "tables": raw, "flexible": "flexible_body" in raw}
+        kind = {"flexible": "flexible_body" in raw, "absolute": "absolute" in raw}
+        return {"model": self.model, "current": self.current, "tables": raw, **kind}
 
     def data_state(self) -> dict[str, Any]:
         """State for a file of data: the Tables of a model are made again from it."""
@@ -81,13 +84,12 @@ class Snapshot:
         return {**state, "tables": None} if state["current"] else state
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        model, current = state["model"], state["current"]
-        if state["tables"] is None:
-            state = {**state, "tables": tables(model, state["flexible"] or not model.is_flexible)}
+        model, current, absolute = state["model"], state["current"], state.get("absolute", False)
         # a model that can be flexible, but was compiled without it
-        system = (
-            compiled(model, state["flexible"] or not model.is_flexible) if current else _core.System(state["tables"])
-        )
+        flexible = state["flexible"] or not model.is_flexible
+        if state["tables"] is None:
+            state = {**state, "tables": tables(model, flexible, absolute)}
+        system = compiled(model, flexible, absolute) if current else _core.System(state["tables"])
         versions = (model.structure_version, model.values_version) if current else (-1, -1)
         for name, value in (
             ("model", model),

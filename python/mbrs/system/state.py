@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -38,6 +38,8 @@ class State:
         (dof, dof) W in rad/s: increments y = exp(W t) z have constant coefficients in z; None where y itself has.
     frame
         Axes of z: "fixed", "rotating", "joint" or "multiblade"; empty but for a steady motion.
+    air
+        The wake at the end of a motion, with which another goes on; None elsewhere.
     """
 
     q: np.ndarray
@@ -49,11 +51,24 @@ class State:
     acceleration: np.ndarray = field(default_factory=lambda: np.zeros(0))
     turn: np.ndarray | None = None
     frame: str = ""
+    air: Any = None
 
     @property
     def moving(self) -> bool:
         """True where any rate is not zero."""
         return bool(np.any(self.rate))
+
+
+class HasState(Protocol):
+    """A result that is a state: an equilibrium, a steady motion, a linearisation."""
+
+    @property
+    def state(self) -> State:
+        """Poses and velocities of all bodies."""
+
+
+# What ``at=`` takes: None is the drawn state.
+StateLike = State | HasState | None
 
 
 def drawn(model: Any, system: Any, hold: bool = True, without: Sequence[str] = ()) -> State:
@@ -108,7 +123,7 @@ def warn_of_doubts(model: Any, system: Any, without: Sequence[str] = ()) -> None
         warnings.warn(f"{model.name!r}: {sentence}", DoubtfulWarning, stacklevel=4)
 
 
-def state_of(model: Any, system: Any, at: Any, hold: bool = True, without: Sequence[str] = ()) -> State:
+def state_of(model: Any, system: Any, at: StateLike, hold: bool = True, without: Sequence[str] = ()) -> State:
     """The state that ``at=`` means: None (drawn), a `State`, or a result that carries one."""
     warn_of_doubts(model, system, without)
     if at is None:

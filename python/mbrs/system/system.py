@@ -14,6 +14,9 @@ from ..system.snapshot import Snapshot
 from .state import doubts_of, state_of
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
     from ..model.model import Model
 
 
@@ -49,6 +52,11 @@ class System(Result):
         Number of redundant constraint equations by joint; others in the loop enforce them already. The choice among
         equivalent redundant equations is arbitrary.
 
+    n_open
+        p, constraints of the open tree: 6 n_bodies (and modal coordinates) - n_tree.
+    n_constraints
+        q, constraints of the whole system, redundant ones too: p + n_rows; p + rank of them are independent, as many as the
+        degrees of freedom leave.
     doubts
         A sentence for each constraint whose independence the drawing decides only just, with its joints.
 
@@ -74,6 +82,8 @@ class System(Result):
     n_tree: int
     n_rows: int
     rank: int
+    n_open: int
+    n_constraints: int
     characteristic_length: float
     tree: tuple[tuple[str, str, str | None, str], ...]
     redundant: Mapping[str, int]
@@ -92,6 +102,9 @@ class System(Result):
         doubts = doubts_of(snapshot.system)
         topology = snapshot.system.topology()
         tree = tuple((b, p or "ground", j, kind) for b, p, j, kind in topology["tree"])
+        n_open = (
+            6 * len(model.bodies) + sum(map(int, snapshot.tables.get("flexible_modes", ()))) - snapshot.system.n_tree
+        )
         redundant: Mapping[str, int] = dict(found.get("redundant", ()))
         inner = {body: parent for body, parent, _, _ in tree}
         depth = {"ground": 0}
@@ -106,6 +119,8 @@ class System(Result):
             n_tree=snapshot.system.n_tree,
             n_rows=len(topology["row_joint"]),
             rank=found.get("rank", 0),
+            n_open=n_open,
+            n_constraints=n_open + len(topology["row_joint"]),
             characteristic_length=snapshot.system.characteristic_length,
             tree=tree,
             redundant=redundant,
@@ -176,10 +191,15 @@ class System(Result):
         elif self.loops:
             lines.append("redundant constraints: none")
         lines.extend(f"doubtful: {sentence}" for sentence in self.doubts)
+        size = self.n_open + self.n_tree
+        lines.append(
+            f"coordinates {size}, constraints p = {self.n_open} of the open tree, q = {self.n_constraints} of all; "
+            f"loops solve for {size} - p - m = {self.rank}"
+        )
         named = ", ".join(self.coordinates[:12]) + (", ..." if self.dof > 12 else "")
         return [*lines, "minimal coordinates: " + named]
 
-    def plot(self, *, ax: Any = None) -> Any:
+    def plot(self, *, ax: Axes | None = None) -> Figure:
         """The spanning tree, bodies by their distance from ground, joints that close loops dashed; returns the figure."""
         from ..plot.models import system as draw
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from .scene import BodyGeometry, SceneGeometry
+from .scene import COINCIDE, BodyGeometry, SceneGeometry
 from .solids import body_solid
 from .symbols import GLYPHS, Link, Mark, links, marks
 
@@ -91,7 +91,7 @@ def grain(scene: SceneGeometry) -> float:
     reach = [float(np.max(np.linalg.norm(b.extent - b.origin, axis=1))) for b in scene.bodies if len(b.extent) > 1]
     typical = float(np.median(reach)) if reach else 0.0
     fallback = 0.3 * scene.size / max(len(scene.bodies), 1)
-    return min(0.012 * scene.size, 0.12 * typical if typical > 0.0 else fallback)
+    return min(0.012 * scene.size, 0.12 * typical if typical > COINCIDE * scene.size else fallback)
 
 
 def _link(link: Link, index: dict[str | None, int], size: float) -> dict[str, Any]:

@@ -13,7 +13,7 @@ from ..errors import MbrsError, ModelError
 
 __all__ = ["read"]
 
-# Triangles of one picture of a mesh. Too large: pages that turn slowly; too small: coarse pictures. Pinned by tests/test_shapes.py.
+# Triangles of one picture of a mesh. Too large: pages that turn slowly; too small: coarse pictures. Pinned by tests/view/test_shapes.py.
 MOST_TRIANGLES = 4000
 _FINEST, _COARSEST = 256, 8  # cells along the longest edge that vertices are merged in
 

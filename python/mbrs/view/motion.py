@@ -89,7 +89,7 @@ def _data(
     reach = [float(np.max(np.linalg.norm(b.rigid - b.origin, axis=1), initial=0.0)) for b in drawn.bodies]
     leader = _leader(drawn, follow)
     low, high = _box(drawn, *_seen(position, leader, np.array(reach)))
-    elastic = _elastic(traj, drawn, times, position, quaternion)
+    elastic = [*_elastic(traj, drawn, times, position, quaternion), *_wake(traj, times)]
     if elastic and leader is None:
         points = np.concatenate([line.reshape(-1, 3) for _, line in elastic])
         low, high = np.minimum(low, points.min(axis=0)), np.maximum(high, points.max(axis=0))
@@ -141,6 +141,19 @@ def _modal_frames(traj: Any, name: str, times: np.ndarray) -> np.ndarray:
     i = np.clip(np.searchsorted(t, times, side="right") - 1, 0, t.size - 2)
     h = (t[i + 1] - t[i])[:, None]
     return _cubic((times - t[i])[:, None] / h, h, q[i], q[i + 1], rate[i], rate[i + 1])
+
+
+def _wake(traj: Any, times: np.ndarray) -> list[tuple[str, np.ndarray]]:
+    """The filaments of a wake that roll up outboard of each blade, (n, k, 3) world, straight between the steps of the wake."""
+    wake = getattr(traj, "wake", None)
+    if wake is None or not wake.filaments:
+        return []
+    filaments = np.array([step[:, 0] for step in wake.filaments])
+    at = np.clip(np.interp(times, wake.times, np.arange(len(wake.times))), 0, len(wake.times) - 1)
+    k = np.minimum(at.astype(int), max(len(wake.times) - 2, 0))
+    share = (at - k)[:, None, None]
+    after = filaments[np.minimum(k + 1, len(filaments) - 1)]
+    return [(f"wake {b + 1}", (1.0 - share) * filaments[k, b] + share * after[:, b]) for b in range(filaments.shape[1])]
 
 
 def _leader(scene: SceneGeometry, follow: Any) -> int | None:

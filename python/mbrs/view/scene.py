@@ -16,6 +16,10 @@ __all__ = ["BodyGeometry", "JointGeometry", "LinkGeometry", "LoadGeometry", "Sce
 PARTS = ("spring", "damper", "gap", "law")
 
 
+# Points nearer to each other than this share of the size of a picture were drawn as one: rounding parts them.
+COINCIDE = 1e-9
+
+
 @dataclass(frozen=True, eq=False)
 class Solid:
     """A surface: ``vertices`` (n, 3), world, ``faces`` as loops of indices seen from outside, a colour "#rrggbb" or ""."""
@@ -183,7 +187,7 @@ class SceneGeometry:
     def size(self) -> float:
         """Diagonal of the box around all points, or 1 m where they coincide."""
         extent = float(np.linalg.norm(np.ptp(self.points, axis=0)))
-        return extent if extent > 0.0 else 1.0
+        return extent if extent > COINCIDE * float(np.max(np.abs(self.points))) else 1.0
 
     def moved(self, position: Any, rotation: Any) -> SceneGeometry:
         """The scene in another state, with everything that is attached to a body carried along.

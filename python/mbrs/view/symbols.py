@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from .scene import JointGeometry, LinkGeometry, LoadGeometry, SceneGeometry
+from .scene import COINCIDE, JointGeometry, LinkGeometry, LoadGeometry, SceneGeometry
 from .shapes import box, cone, cylinder, frame, sphere
 
 __all__ = ["GLYPHS", "Link", "Mark", "links", "marks"]
@@ -17,7 +17,6 @@ __all__ = ["GLYPHS", "Link", "Mark", "links", "marks"]
 # Longest arrow of a load, and the shortest beside it, in sizes of the scene.
 _LONGEST, _SHORTEST = 0.17, 0.09
 _ARC = 1.5 * math.pi  # of the arrow of a torque
-_NO_SYMBOL = ("distance", "free")
 
 Polyline = list[tuple[float, float]]
 # Symbols of what acts along a line: points (part of the length, part of the half width). "rod" and "open" belong to joints.
@@ -92,7 +91,7 @@ def links(scene: SceneGeometry) -> Iterator[Link]:
     for joint in scene.joints:
         if joint.kind == "distance":
             parts = ("rod",)
-        elif joint.kind == "rolling_disc" or np.array_equal(joint.at, joint.at_b):
+        elif joint.kind == "rolling_disc" or np.linalg.norm(joint.at - joint.at_b) <= COINCIDE * scene.size:
             continue
         else:
             parts = ("open",)
@@ -118,7 +117,7 @@ def marks(scene: SceneGeometry, grain: float) -> Iterator[Mark]:
         for body, here, there in ((link.a, link.at_a, link.at_b), (link.b, link.at_b, link.at_a)):
             if body is None:
                 along = here - there
-                away = along if np.linalg.norm(along) > 1e-9 * scene.size else down
+                away = along if np.linalg.norm(along) > COINCIDE * scene.size else down
                 yield _ground("spring", _label(link.kind, link), link.name, here, away, None, 0.0, 1.0 * grain)
     yield from _loads(scene, grain)
 

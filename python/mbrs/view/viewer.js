@@ -205,7 +205,8 @@ const mbrsViewer = (() => {
     const width = Math.max(2, Math.min(12, 1.1 * scene.grain * cam.scale));
     scene.flexible.forEach((label, i) => {
       const line = points(i).map((p) => cam.project(p));
-      line.slice(1).forEach((q, k) => lineItem(ctx, [line[k], q], items, { colour: "#3f8c96", width, label }));
+      const style = label.startsWith("wake ") ? { colour: "#9aa0b8", width: 1, label } : { colour: "#3f8c96", width, label };
+      line.slice(1).forEach((q, k) => lineItem(ctx, [line[k], q], items, style));
     });
   }
 

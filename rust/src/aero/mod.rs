@@ -1,6 +1,9 @@
-//! Aerodynamics: velocities that vortex filaments induce.
+//! Aerodynamics: velocities that vortex filaments induce, and the force of the air on the sections of blades.
+pub mod annulus;
 pub mod filaments;
 mod kernels;
+pub mod polar;
+pub mod section;
 
 #[cfg(test)]
 mod tests;

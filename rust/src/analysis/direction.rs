@@ -6,23 +6,27 @@ use nalgebra::{DMatrix, DVector};
 use num_dual::{Dual64, DualNum};
 
 use crate::analysis::assembly::given_rates;
+use crate::analysis::equilibrium::unbalance;
+use crate::analysis::equilibrium_follow::equilibrium_solver;
 use crate::analysis::linearize::{
-    Linearization, Path, Setting, Turning, body_map, reduce, reduce_rows, turning, unreduced,
+    Linearization, Path, Setting, Turning, body_map, linearize, reduce, reduce_rows, turning, unreduced,
 };
 use crate::analysis::local_direction::local_direction;
 use crate::analysis::rolling::rolls;
+use crate::analysis::steering::steering_joints;
 use crate::error::{Error, Result};
 use crate::linalg::dense::minimum_norm;
 use crate::linalg::rows::Level as Asked;
 use crate::model::geometry::Geometry;
 use crate::model::tables::Tables;
-use crate::run::Counts;
+use crate::run::{Cancel, Counts};
 use crate::spatial::Pose;
 use crate::system::System;
-use crate::system::assemble::Scene;
+use crate::system::assemble::{Effects, Scene};
 use crate::system::loops::{Loops, column_scales};
 use crate::system::placement::{Placement, advance, lifted_q, place};
 use crate::tolerances::constraints::{CLOSED_ROUNDING, REDUNDANT_OPEN};
+use crate::tolerances::equilibrium::FAMILY;
 
 /// The derivative of a linearisation along one direction of the numbers (and of the state).
 pub struct Directional {
@@ -52,6 +56,50 @@ pub struct Request<'a> {
 }
 
 pub type Solve = dyn Fn(&DVector<f64>) -> Result<DVector<f64>>;
+
+/// What the directions of one linearisation have in common. `follow`: the equilibrium moves along, on all tree coordinates but the
+/// `driven` ones; `drawn`: see `Request`.
+#[derive(Clone, Copy)]
+pub struct Common<'a> {
+    pub follow: bool,
+    pub drawn: bool,
+    pub maps: bool,
+    pub driven: &'a [usize],
+}
+
+/// The derivatives of `base` along many sparse directions.
+pub fn directions(
+    setting: &Setting<'_>,
+    base: &Linearization,
+    all: &[Vec<(usize, f64)>],
+    common: Common<'_>,
+    cancel: &Cancel,
+) -> Result<Vec<Directional>> {
+    let (system, follow) = (setting.system, common.follow);
+    let edges = if follow { steering_joints(setting, base) } else { Vec::new() };
+    let unsteered = Effects { nonholonomic: false, ..setting.effects };
+    if !edges.is_empty() && unbalance(system, setting.state, unsteered)? > FAMILY {
+        return Err(Error::NotDifferentiable(format!(
+            "the equilibrium that '{}' holds by a force is one of a family, which no parameter moves in a way of its own; use \
+             equilibrium=\"hold\", or draw the model where its edges carry nothing",
+            edges.join("', '")
+        )));
+    }
+    let free = Setting { effects: unsteered, ..*setting };
+    let free = match edges.is_empty() {
+        true => None,
+        false => Some((&free, linearize(&free, &mut Counts::default())?)),
+    };
+    let solver =
+        follow.then(|| equilibrium_solver(system, free.as_ref().map_or(base, |f| &f.1), common.driven)).transpose()?;
+    let free = free.as_ref().map(|(at, made)| (*at, made));
+    let request = Request { maps: common.maps, solve: solver.as_ref().map(|s| s as _), free, drawn: common.drawn };
+    let one = |dx: &Vec<(usize, f64)>| {
+        cancel.check()?;
+        directional(setting, base, dx, request)
+    };
+    all.iter().map(one).collect()
+}
 
 /// Entries of a matrix that are not zero.
 #[derive(Debug, Clone, Default)]

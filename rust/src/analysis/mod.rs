@@ -1,5 +1,6 @@
 //! One file per analysis.
 pub mod assembly;
+pub mod designs;
 pub mod direction;
 pub mod eigen_sensitivity;
 pub mod equilibrium;
@@ -16,8 +17,10 @@ pub mod history;
 pub mod linearize;
 pub mod local_direction;
 pub mod modal;
+mod model_modes;
 mod modes_of;
 pub mod monodromy;
+pub mod parts;
 pub mod ports;
 mod propagator;
 pub mod reactions;
@@ -31,5 +34,6 @@ pub mod sparse_pencil;
 pub mod stability;
 mod state;
 pub mod steering;
+pub mod stiffness_factor;
 pub mod strain_rows;
 pub mod transient;

@@ -28,7 +28,7 @@ use crate::system::assemble::Tangent;
 use crate::system::loops::{Loops, column_scales};
 use crate::system::rank::singular_values;
 use crate::system::topology::Level;
-use crate::tolerances::rolling::{APART, ROLLS_STEADILY, ROUNDING_OF_FORCES, UNFELT};
+use crate::tolerances::rolling::{APART, ROLLS_STEADILY, UNFELT};
 
 /// Do velocity rows act on a state that moves?
 pub(super) fn rolls(setting: &Setting<'_>) -> bool {
@@ -121,7 +121,7 @@ impl<'a> Forces<'a> {
         for part in [&tangent.damping, &tangent.gyroscopic].into_iter().flatten() {
             rates += part;
         }
-        let rounding = natural.independent.iter().map(|scale| ROUNDING_OF_FORCES * force_scale / scale).collect();
+        let rounding = natural.independent.iter().map(|scale| ROLLS_STEADILY * force_scale / scale).collect();
         Forces { loops, tangent, whole, through: whole.transpose(), rates, natural, rounding }
     }
 

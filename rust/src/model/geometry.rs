@@ -3,11 +3,12 @@
 //! Tables hold world points of the drawn configuration; everything local is derived here and nowhere else, so that a derivative
 //! with respect to a drawn point has one source.
 use crate::joint::Axes;
+use crate::model::air::{AirGeometry, SectionGeometry};
 use crate::model::flexible::{FlexibleGeometry, TipGeometry, TipSpec};
 use crate::model::layout::{self, bushing, flag, joint, load, spring_damper, torsion};
 use crate::model::motion::MotionLaw;
 use crate::model::tables::{BodyRef, ElementKind, Tables};
-use crate::spatial::{M3, Pose, Real, V3, frame_of_axis, rotation_of_quaternion, skew};
+use crate::spatial::{M3, Pose, Real, V3, frame_of_axis, rotation_of_quaternion};
 
 #[derive(Debug, Clone)]
 pub struct BodyGeometry<T: Real> {
@@ -48,9 +49,11 @@ pub struct Geometry<T: Real> {
     /// of flexible bodies and their moving nodes
     pub flexible: Vec<FlexibleGeometry<T>>,
     pub tips: Vec<TipGeometry<T>>,
+    pub air: Vec<AirGeometry<T>>,
+    pub sections: Vec<SectionGeometry<T>>,
 }
 
-fn vector<T: Real>(x: &[T], at: usize) -> V3<T> {
+pub(super) fn vector<T: Real>(x: &[T], at: usize) -> V3<T> {
     V3::new(x[at], x[at + 1], x[at + 2])
 }
 
@@ -126,6 +129,12 @@ impl<T: Real> Geometry<T> {
             gravity: tables.gravity.map(|g| vector(x, g)),
             flexible: (tables.flexible.iter()).map(|f| FlexibleGeometry::derive(f, x, &bodies[f.body].com)).collect(),
             tips,
+            air: tables.air.iter().map(|a| AirGeometry::derive(&x[a.x..])).collect(),
+            sections: tables
+                .sections
+                .iter()
+                .map(|s| SectionGeometry::derive(&x[s.x..], &reference(tables, s.body, x)))
+                .collect(),
             bodies,
         }
     }
@@ -165,7 +174,17 @@ impl<T: Real> Geometry<T> {
             gravity: self.gravity.map(|g| g.map(&mut f)),
             flexible: self.flexible.iter().map(|g| g.map(&mut f)).collect(),
             tips: self.tips.iter().map(|t| t.map(&mut f)).collect(),
+            air: self.air.iter().map(|a| a.map(&mut f)).collect(),
+            sections: self.sections.iter().map(|s| s.map(&mut f)).collect(),
         }
+    }
+}
+
+/// Where a body's centre of mass is, or a node, from the origin of its frame, body axes.
+fn reference<T: Real>(tables: &Tables, body: usize, x: &[T]) -> V3<T> {
+    match tables.bodies[body].tip {
+        Some(tip) => vector(x, tables.tips[tip].x + layout::node::POSITION),
+        None => vector(x, tables.bodies[body].x + layout::body::COM),
     }
 }
 
@@ -215,10 +234,4 @@ fn distance<T: Real>(a: &V3<T>, b: &V3<T>) -> T {
     let s = d.dot(&d);
     // coincident points have no direction; what needs one refuses them, the others must not see NaN
     if s.re() == 0.0 { T::zero() } else { s.sqrt() }
-}
-
-/// Rotational inertia about a point at `d` from the centre of mass, plus nothing else: m (|d|^2 - d d^T).
-pub fn parallel_axis<T: Real>(mass: T, d: &V3<T>) -> M3<T> {
-    let s = skew(d);
-    -(s * s) * mass
 }

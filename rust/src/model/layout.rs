@@ -47,6 +47,12 @@ pub mod load_type {
     pub const MODAL_FORCE: i64 = 2;
 }
 
+/// Codes of `air_inflow`.
+pub mod air_inflow {
+    pub const GIVEN: i64 = 0;
+    pub const MOMENTUM: i64 = 1;
+}
+
 /// The numbers of a body.
 pub mod body {
     pub const AT: usize = 0;
@@ -172,4 +178,32 @@ pub mod node {
     pub const fn size(m: usize) -> usize {
         3 + 6 * m
     }
+}
+
+/// The numbers of a air.
+pub mod air {
+    pub const DENSITY: usize = 0;
+    pub const SPEED: usize = 1;
+    pub const SHEAR: usize = 2;
+    pub const REFERENCE_HEIGHT: usize = 3;
+    pub const DIRECTION: usize = 4;
+    pub const UP: usize = 7;
+    pub const AXIS: usize = 10;
+    pub const PITCH: usize = 13;
+    pub const GROUND: usize = 14;
+    pub const SIZE: usize = 15;
+}
+
+/// The numbers of a section.
+pub mod section {
+    pub const POSITION: usize = 0;
+    pub const WIDTH: usize = 3;
+    pub const CHORD: usize = 4;
+    pub const TWIST: usize = 5;
+    pub const CENTRE: usize = 6;
+    pub const REAR: usize = 7;
+    pub const SHARE: usize = 8;
+    pub const SOLIDITY: usize = 9;
+    pub const LOSS: usize = 10;
+    pub const SIZE: usize = 12;
 }

@@ -1,4 +1,5 @@
 //! What the user described, as read from the Tables: bodies, joints, elements and loads, and what geometry follows from the numbers.
+pub mod air;
 pub mod flexible;
 pub mod geometry;
 pub mod layout;

@@ -2,6 +2,7 @@
 use crate::error::{Error, Result};
 use crate::force::FunctionLaw;
 use crate::joint::JointKind;
+use crate::model::air::{AirSpec, SectionSpec};
 use crate::model::flexible::{FlexibleSpec, TipSpec};
 use crate::model::layout::{self, body, bushing, coupler, joint, load, pose, spring_damper, torsion};
 use crate::model::motion::MotionSpec;
@@ -137,6 +138,8 @@ pub struct Tables {
     pub motions: Vec<MotionSpec>,
     pub drives: Vec<DriveSpec>,
     pub couplers: Vec<CouplerSpec>,
+    pub air: Vec<AirSpec>,
+    pub sections: Vec<SectionSpec>,
     pub load_motions: Vec<LoadMotionSpec>,
     pub gravity: Option<usize>,
     pub flexible: Vec<FlexibleSpec>,
@@ -145,6 +148,8 @@ pub struct Tables {
     pub poses: Vec<(usize, usize)>,
     /// accuracy of what was drawn: of lengths over the characteristic length, and of angles (rad)
     pub tolerance: f64,
+    /// every body moves by coordinates of its own, and all joints are rows
+    pub absolute: bool,
 }
 
 impl Tables {
@@ -179,6 +184,7 @@ impl Tables {
             }
         }
         self.check_flexible()?;
+        self.check_air()?;
         for law in &self.laws {
             self.inside("a law", law.x, law.n)?;
         }
@@ -214,7 +220,7 @@ impl Tables {
         self.gravity.map_or(Ok(()), |g| self.inside("gravity", g, layout::gravity::SIZE))
     }
 
-    fn inside(&self, name: &str, start: usize, n: usize) -> Result<()> {
+    pub(super) fn inside(&self, name: &str, start: usize, n: usize) -> Result<()> {
         if start.checked_add(n).is_none_or(|end| end > self.x.len()) {
             return Err(Error::model(format!("'{name}': its numbers lie outside the value vector")));
         }
@@ -236,14 +242,15 @@ impl Tables {
         Ok(())
     }
 
-    /// The first nonholonomic joint, drive, coupler or flexible body.
+    /// The first nonholonomic joint, drive, coupler, flexible body or air.
     pub fn unusual(&self) -> Option<&str> {
         let joints = self.joints.iter().filter(|j| j.kind.is_nonholonomic());
         let drives = self.drives.iter().map(|d| d.name.as_str());
         let couplers = self.couplers.iter().map(|c| c.name.as_str());
         let flexible = self.flexible.iter();
         let flexible = flexible.map(|f| self.bodies[f.body].name.as_str());
-        let mut all = joints.map(|j| j.name.as_str()).chain(drives).chain(couplers).chain(flexible);
+        let air = self.air.iter().map(|a| a.name.as_str());
+        let mut all = joints.map(|j| j.name.as_str()).chain(drives).chain(couplers).chain(flexible).chain(air);
         all.next()
     }
 

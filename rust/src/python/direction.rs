@@ -4,18 +4,13 @@ use numpy::{IntoPyArray, PyReadonlyArray1};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use crate::analysis::direction::{Directional, Entries, Request, directional};
-use crate::analysis::equilibrium::unbalance;
-use crate::analysis::equilibrium_follow::equilibrium_solver;
+use crate::analysis::direction::{self, Common, Directional, Entries};
 use crate::analysis::linearize::{Setting, linearize};
-use crate::analysis::steering::steering_joints;
 use crate::error::{Error, Result};
 use crate::run::Counts;
 
 use super::system::{LINEARIZATION, PySystem, effects, fits, run, state_of};
 use crate::system::System;
-use crate::system::assemble::Effects;
-use crate::tolerances::equilibrium::FAMILY;
 
 pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(directions, module)?)
@@ -98,30 +93,9 @@ fn directions<'py>(
     let (all, dof) = run(py, &system.0, move |system, cancel| {
         let setting = Setting { system, state: &state, memory: &memory, acceleration: &[], effects };
         let base = linearize(&setting, &mut Counts::default())?;
-        let edges = if follow { steering_joints(&setting, &base) } else { Vec::new() };
-        let unsteered = Effects { nonholonomic: false, ..effects };
-        if !edges.is_empty() && unbalance(system, &state, unsteered)? > FAMILY {
-            return Err(Error::NotDifferentiable(format!(
-                "the equilibrium that '{}' holds by a force is one of a family, which no parameter moves in a way of its own; use \
-                 equilibrium=\"hold\", or draw the model where its edges carry nothing",
-                edges.join("', '")
-            )));
-        }
-        let free = Setting { effects: unsteered, ..setting };
-        let free = match edges.is_empty() {
-            true => None,
-            false => Some((&free, linearize(&free, &mut Counts::default())?)),
-        };
-        let solver =
-            follow.then(|| equilibrium_solver(system, free.as_ref().map_or(&base, |f| &f.1), &driven)).transpose()?;
-        let free = free.as_ref().map(|(at, made)| (*at, made));
-        let request = Request { maps, solve: solver.as_ref().map(|s| s as _), free, drawn };
-        let one = |(indices, weights): (Vec<usize>, Vec<f64>)| {
-            cancel.check()?;
-            let dx: Vec<_> = indices.into_iter().zip(weights).collect();
-            directional(&setting, &base, &dx, request)
-        };
-        let all = directions.into_iter().map(one).collect::<Result<Vec<_>>>()?;
+        let sparse: Vec<Vec<_>> = directions.into_iter().map(|(i, v)| i.into_iter().zip(v).collect()).collect();
+        let common = Common { follow, drawn, maps, driven: &driven };
+        let all = direction::directions(&setting, &base, &sparse, common, cancel)?;
         Ok((all, base.matrices.mass.nrows()))
     })?;
     let out = PyDict::new(py);

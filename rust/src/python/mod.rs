@@ -1,6 +1,7 @@
 //! The border to Python: one registration function per group of analyses.
 mod aero;
 mod border;
+mod designs;
 mod direction;
 mod eigen_sensitivity;
 mod expressions;
@@ -9,12 +10,13 @@ mod gradient;
 mod hbm;
 mod hbm_branch;
 mod hbm_linear;
+mod law_places;
 mod modal;
-mod motion;
 mod root;
 mod simulate;
 mod sparse;
 mod sparse_system;
+mod strains;
 mod system;
 mod tables;
 
@@ -25,6 +27,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
     aero::register(module)?;
     border::register(module)?;
+    designs::register(module)?;
     direction::register(module)?;
     eigen_sensitivity::register(module)?;
     expressions::register(module)?;

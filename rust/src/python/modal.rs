@@ -5,12 +5,18 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use super::border::{counts_dict, guarded, interruptible, matrix, to_numpy_complex};
+use super::system::table;
 use crate::analysis::modal::{Modal, modes};
+use crate::analysis::stiffness_factor;
 use crate::memory;
 use crate::second_order::SecondOrder;
+use crate::tolerances::{linearisation::BALANCED, modes::SAME_ROOT};
 
 pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
-    module.add_function(wrap_pyfunction!(dense_modes, module)?)
+    module.add("BALANCED", BALANCED)?;
+    module.add("SAME_ROOT", SAME_ROOT)?;
+    module.add_function(wrap_pyfunction!(dense_modes, module)?)?;
+    module.add_function(wrap_pyfunction!(is_strained, module)?)
 }
 
 pub(super) type Optional<'py> = Option<PyReadonlyArray2<'py, f64>>;
@@ -55,6 +61,7 @@ fn dense_modes<'py>(
 }
 
 pub(super) fn as_dict<'py>(py: Python<'py>, r: Modal) -> PyResult<Bound<'py, PyDict>> {
+    let (light, blurred) = (r.light(), r.blurred());
     let dict = PyDict::new(py);
     dict.set_item("eigenvalue", complex(py, &r.s))?;
     dict.set_item("partner", complex(py, &r.partner))?;
@@ -72,9 +79,20 @@ pub(super) fn as_dict<'py>(py: Python<'py>, r: Modal) -> PyResult<Bound<'py, PyD
     dict.set_item("condition", r.condition.into_pyarray(py))?;
     dict.set_item("error", r.error.into_pyarray(py))?;
     dict.set_item("route", r.route)?;
-    dict.set_item("mass_pivot", r.mass_pivot)?;
+    dict.set_item("light", light)?;
+    dict.set_item("blurred", blurred)?;
     dict.set_item("counts", counts_dict(py, &r.counts)?)?;
     Ok(dict)
+}
+
+/// Does a column of `shape` (phi^T M phi = 1) strain a row of the stiffness factor by more than rounding?
+#[pyfunction]
+fn is_strained(
+    factor: PyReadonlyArray2<'_, f64>,
+    shape: PyReadonlyArray2<'_, f64>,
+    mass: PyReadonlyArray2<'_, f64>,
+) -> bool {
+    stiffness_factor::is_strained(&table(&factor), &table(&shape), &table(&mass))
 }
 
 fn complex<'py>(py: Python<'py>, values: &[Complex64]) -> Bound<'py, numpy::PyArray1<Complex64>> {

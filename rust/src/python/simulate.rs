@@ -6,6 +6,7 @@ use numpy::{IntoPyArray, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 
+use crate::aero::section::{Flow, Place, column};
 use crate::analysis::reactions::shared;
 use crate::analysis::transient::driver::{End, Output, Plan, Progress, Run, Steps};
 use crate::analysis::transient::methods::{Method, simulate};
@@ -13,8 +14,9 @@ use crate::analysis::transient::{Equations, Motion};
 use crate::error::{Error, Result};
 use crate::memory;
 use crate::run::{Cancel, Counts};
-use crate::spatial::quaternion_of_rotation;
+use crate::spatial::{V3, quaternion_of_rotation};
 use crate::system::System;
+use crate::system::assemble::Effects;
 use crate::system::loops::Loops;
 use crate::system::topology::Owner;
 
@@ -25,7 +27,10 @@ use super::tables::values;
 pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(simulate_motion, module)?)?;
     module.add_function(wrap_pyfunction!(motion_quantities, module)?)?;
-    module.add_function(wrap_pyfunction!(motion_reactions, module)?)
+    module.add_function(wrap_pyfunction!(motion_air, module)?)?;
+    module.add_function(wrap_pyfunction!(motion_reactions, module)?)?;
+    module.add_function(wrap_pyfunction!(motion_of_element, module)?)?;
+    module.add_function(wrap_pyfunction!(motion_of_joint, module)?)
 }
 
 /// One finite number of the options, or None.
@@ -247,8 +252,10 @@ fn motion_quantities<'py>(
     let flexible = tables.flexible.iter();
     let flexible = flexible.map(|f| tables.bodies[f.body].name.as_str());
     let loads = tables.loads.iter().map(|l| l.name.as_str());
-    let names: Vec<_> = names.chain(flexible).chain(loads).collect();
-    let first_load = names.len() - tables.loads.len();
+    let air = tables.air.iter().map(|a| a.name.as_str());
+    let names: Vec<_> = names.chain(flexible).chain(loads).chain(air).collect();
+    let first_air = names.len() - tables.air.len();
+    let first_load = first_air - tables.loads.len();
     let table =
         |of: &dyn Fn(usize, usize) -> f64| Array2::from_shape_fn((n, names.len()), |(i, k)| of(i, k)).into_pyarray(py);
     out.set_item(
@@ -262,12 +269,65 @@ fn motion_quantities<'py>(
         "power",
         table(&|i, k| match found[i].2.elements.get(k) {
             Some(element) => element.power,
-            None => found[i].2.loads[k - first_load],
+            None if k < first_air => found[i].2.loads[k - first_load],
+            None => found[i].2.air[k - first_air],
         }),
     )?;
     out.set_item("residual", Array2::from_shape_fn((n, 3), |(i, k)| found[i].3[k]).into_pyarray(py))?;
     out.set_item("elements", PyList::new(py, names)?)?;
     Ok(out)
+}
+
+/// What the air does at each section at each time: (n, sections, 36) numbers, in the order of `mbrs.motion.air.FLOW`.
+#[pyfunction]
+#[allow(clippy::too_many_arguments)]
+fn motion_air<'py>(
+    py: Python<'py>,
+    system: &PySystem,
+    t: PyReadonlyArray1<'py, f64>,
+    q: PyReadonlyArray2<'py, f64>,
+    rate: PyReadonlyArray2<'py, f64>,
+    memory: PyReadonlyArray2<'py, f64>,
+) -> PyResult<Bound<'py, numpy::PyArray3<f64>>> {
+    let system = system.0.clone();
+    let all = motions(&system, &t, &q, &rate, &memory)?;
+    let sections = system.topology.tables.sections.len();
+    let found = interruptible(py, move |cancel| {
+        let eq = Equations::new(&system, system.x.to_vec(), Effects::ALL);
+        let one = |m: &Motion<f64>| {
+            cancel.check()?;
+            let placement = eq.place(m);
+            Ok(eq.scene(m, &placement, None).air_flows().iter().map(flow_row).collect::<Vec<_>>())
+        };
+        all.iter().map(one).collect::<Result<Vec<_>>>()
+    })?;
+    Ok(Array3::from_shape_fn((found.len(), sections, FLOW), |(i, j, k)| found[i][j][k]).into_pyarray(py))
+}
+
+/// Numbers of a row of `motion_air`.
+const FLOW: usize = 36;
+
+fn flow_row((place, flow): &(Place<f64>, Flow<f64>)) -> [f64; FLOW] {
+    let moved = |p: &V3<f64>| place.velocity.l + place.velocity.a.cross(&(p - place.p));
+    let vectors = [
+        flow.force,
+        flow.moment,
+        flow.centre,
+        flow.rear,
+        flow.forward,
+        column(&place.r, 0),
+        column(&place.r, 1),
+        column(&place.r, 2),
+        moved(&flow.centre),
+        moved(&flow.rear),
+        flow.induced,
+    ];
+    let mut row = [0.0; FLOW];
+    row[..3].copy_from_slice(&[flow.angle, flow.speed, flow.circulation]);
+    for (k, v) in vectors.iter().enumerate() {
+        row[3 + 3 * k..6 + 3 * k].copy_from_slice(v.as_slice());
+    }
+    row
 }
 
 /// Wrench of every joint on its second body at the joint's point, world axes: (n, joints, 6).
@@ -310,4 +370,67 @@ fn motion_reactions<'py>(
     let tables = &system.topology.tables;
     let wrenches = tables.joints.len() + tables.drives.len();
     Ok(Array3::from_shape_fn((found.len(), wrenches, 6), |(i, j, k)| found[i][j].get(k)).into_pyarray(py))
+}
+
+/// Per instant and coordinate of an element: coordinate, displacement, rate, force, (n, coordinates, 4).
+#[pyfunction]
+#[allow(clippy::too_many_arguments)]
+fn motion_of_element<'py>(
+    py: Python<'py>,
+    system: &PySystem,
+    element: usize,
+    t: PyReadonlyArray1<'py, f64>,
+    q: PyReadonlyArray2<'py, f64>,
+    rate: PyReadonlyArray2<'py, f64>,
+    memory: PyReadonlyArray2<'py, f64>,
+    without: Vec<String>,
+) -> PyResult<Bound<'py, numpy::PyArray3<f64>>> {
+    let system = system.0.clone();
+    let all = motions(&system, &t, &q, &rate, &memory)?;
+    let effects = effects(&without)?;
+    if element >= system.topology.tables.elements.len() {
+        return Err(Error::model("the model has no element of this number").into());
+    }
+    let n = system.topology.connectors[element].coordinates.len();
+    let found = instants(py, system, all, effects, move |eq, m| eq.element_motion(m, element))?;
+    let numbers = |i: usize, k: usize| {
+        let c = found[i][k];
+        [c.coordinate, c.displacement, c.rate, c.force]
+    };
+    Ok(Array3::from_shape_fn((found.len(), n, 4), |(i, k, j)| numbers(i, k)[j]).into_pyarray(py))
+}
+
+/// Rates of the free coordinates of a joint per instant, (n, coordinates).
+#[pyfunction]
+fn motion_of_joint<'py>(
+    py: Python<'py>,
+    system: &PySystem,
+    joint: usize,
+    t: PyReadonlyArray1<'py, f64>,
+    q: PyReadonlyArray2<'py, f64>,
+    rate: PyReadonlyArray2<'py, f64>,
+    memory: PyReadonlyArray2<'py, f64>,
+) -> PyResult<Bound<'py, numpy::PyArray2<f64>>> {
+    let system = system.0.clone();
+    let all = motions(&system, &t, &q, &rate, &memory)?;
+    let Some(spec) = system.topology.tables.joints.get(joint) else {
+        return Err(Error::model("the model has no joint of this number").into());
+    };
+    let n = spec.kind.free_coordinates().len();
+    let found = instants(py, system, all, Effects::ALL, move |eq, m| eq.joint_rates(m, joint))?;
+    Ok(Array2::from_shape_fn((found.len(), n), |(i, k)| found[i][k]).into_pyarray(py))
+}
+
+/// One answer for each instant, away from Python.
+fn instants<O: Send + 'static>(
+    py: Python<'_>,
+    system: System,
+    all: Vec<Motion<f64>>,
+    effects: Effects,
+    one: impl Fn(&Equations<'_, f64>, &Motion<f64>) -> O + Send + 'static,
+) -> PyResult<Vec<O>> {
+    interruptible(py, move |cancel| {
+        let eq = Equations::new(&system, system.x.to_vec(), effects);
+        all.iter().map(|m| cancel.check().map(|()| one(&eq, m))).collect::<Result<Vec<_>>>()
+    })
 }

@@ -9,26 +9,24 @@ use pyo3::types::{PyDict, PyList};
 use crate::analysis::assembly::assemble;
 use crate::analysis::equilibrium::{Equilibrium, equilibrium};
 use crate::analysis::linearize::{Linearization, Setting, linearize, mobility};
+use crate::analysis::parts::{Parts, motion_scale, parts};
 use crate::analysis::reactions::reactions;
-use crate::analysis::strain_rows::{Element, Motions, strain_rows};
 use crate::analysis::transient::{Equations, Motion};
 use crate::error::{Error, Result};
 use crate::memory;
 use crate::run::{Cancel, Counts};
-use crate::spatial::V3;
 use crate::system::System;
 use crate::system::assemble::Effects;
 use crate::system::closure::{close, scene_at_rest};
-use crate::system::connector::{Numbers, Wanted, coordinate_tangent};
 use crate::system::loops::{redundant_names, row_scales};
 use crate::system::placement::{State, advance, place};
 use crate::system::rank::Doubt;
 use crate::system::rows::explicit_rates;
-use crate::system::topology::Owner;
 use crate::tolerances::coordinates::UNIT_QUATERNION;
 
-use super::border::{counts_dict, guarded, interruptible, matrix, to_numpy};
-use super::motion;
+use super::border::{counts_dict, guarded, interruptible};
+use super::law_places;
+use super::strains;
 use super::tables::{tables, values};
 
 /// Below this number of tree coordinates, rows and elements a thread of its own costs more than it protects.
@@ -91,6 +89,7 @@ pub fn effects(without: &[String]) -> Result<Effects> {
             "contact" => effects.contact = false,
             "nonholonomic" => effects.nonholonomic = false,
             "drives" => effects.drives = false,
+            "aerodynamics" => effects.aerodynamics = false,
             // harmonic balance adds the laws themselves
             "law-slopes" => effects.law_slopes = false,
             // belong to other analyses: nothing to leave out here
@@ -138,6 +137,11 @@ fn put_state(py: Python<'_>, out: &Bound<'_, PyDict>, state: &State) -> PyResult
     out.set_item("rate", state.rate.clone().into_pyarray(py))
 }
 
+pub fn table(given: &PyReadonlyArray2<'_, f64>) -> nalgebra::DMatrix<f64> {
+    let view = given.as_array();
+    nalgebra::DMatrix::from_fn(view.nrows(), view.ncols(), |i, j| view[(i, j)])
+}
+
 /// Column by column: a copy of the memory.
 pub fn array(m: &nalgebra::DMatrix<f64>) -> Array2<f64> {
     use numpy::ndarray::ShapeBuilder;
@@ -146,12 +150,19 @@ pub fn array(m: &nalgebra::DMatrix<f64>) -> Array2<f64> {
         .unwrap_or_else(|_| Array2::from_shape_fn(shape, |(i, j)| m[(i, j)]))
 }
 
+fn put_parts(py: Python<'_>, out: &Bound<'_, PyDict>, parts: &Parts) -> PyResult<()> {
+    let given = |x: &Option<nalgebra::DMatrix<f64>>| x.as_ref().map(|x| array(x).into_pyarray(py));
+    out.set_item("C", given(&parts.damping))?;
+    out.set_item("G", given(&parts.gyroscopic))?;
+    out.set_item("K", array(&parts.stiffness).into_pyarray(py))?;
+    out.set_item("N", given(&parts.circulatory))?;
+    out.set_item("error", parts.error)
+}
+
 fn put_linearization(py: Python<'_>, out: &Bound<'_, PyDict>, system: &System, lin: &Linearization) -> PyResult<()> {
     let names: Vec<_> = lin.coordinates(system.n_tree()).iter().map(|i| system.topology.names[*i].clone()).collect();
     out.set_item("coordinates", names)?;
     out.set_item("M", array(&lin.matrices.mass).into_pyarray(py))?;
-    out.set_item("D", lin.matrices.damping.as_ref().map(|d| array(d).into_pyarray(py)))?;
-    out.set_item("S", array(&lin.matrices.stiffness).into_pyarray(py))?;
     out.set_item("T", array(&lin.body_map).into_pyarray(py))?;
     if system.topology.is_flexible() {
         let map = array(&lin.modal_map(&system.topology));
@@ -160,7 +171,10 @@ fn put_linearization(py: Python<'_>, out: &Bound<'_, PyDict>, system: &System, l
     out.set_item("residual", lin.residual.as_slice().to_vec().into_pyarray(py))?;
     out.set_item("ground_coupling", array(&lin.ground_coupling).into_pyarray(py))?;
     out.set_item("force_scale", lin.force_scale)?;
+    let node_forces: Vec<(usize, [f64; 3])> = lin.node_forces.iter().map(|(body, f)| (*body, (*f).into())).collect();
+    out.set_item("node_forces", node_forces)?;
     out.set_item("force_sizes", lin.force_sizes.clone().into_pyarray(py))?;
+    out.set_item("reach", motion_scale(&lin.body_map, system.length).into_pyarray(py))?;
     out.set_item("multipliers", lin.lam.clone().into_pyarray(py))
 }
 
@@ -285,12 +299,16 @@ impl PySystem {
         let start = state_of(&self.0, &q, &empty(py)?)?;
         let effects = effects(&without)?;
         fits(&self.0, "an equilibrium", EQUILIBRIUM)?;
-        let (eq, counts): (Equilibrium, Counts) = run(py, &self.0, move |system, cancel| {
+        let (eq, parts, counts): (Equilibrium, Parts, Counts) = run(py, &self.0, move |system, cancel| {
             let mut counts = Counts::default();
-            equilibrium(system, &start, effects, cancel, &mut counts).map(|e| (e, counts))
+            let found = equilibrium(system, &start, effects, cancel, &mut counts)?;
+            let setting = Setting { system, state: &found.state, memory: &[], acceleration: &[], effects };
+            let parts = parts(&setting, &found.linearization, None)?;
+            Ok((found, parts, counts))
         })?;
         let out = PyDict::new(py);
         put_state(py, &out, &eq.state)?;
+        put_parts(py, &out, &parts)?;
         put_linearization(py, &out, &self.0, &eq.linearization)?;
         out.set_item("relative_residual", eq.residual)?;
         out.set_item("error", eq.error)?;
@@ -303,8 +321,10 @@ impl PySystem {
         Ok(out)
     }
 
-    /// `acceleration` (n_tree,) of the tree coordinates where their rates do not stay, or empty.
-    #[pyo3(signature = (q, rate, without, memory=Vec::new(), acceleration=Vec::new()))]
+    /// `acceleration` (n_tree,) of the tree coordinates where their rates do not stay, or empty. `turn` (dof, dof): the axes of a steady
+    /// motion. `raw`: D and S as they are assembled, in place of C, G, K and N.
+    #[pyo3(signature = (q, rate, without, memory=Vec::new(), acceleration=Vec::new(), turn=None, raw=false))]
+    #[allow(clippy::too_many_arguments)]
     fn linearize<'py>(
         &self,
         py: Python<'py>,
@@ -313,6 +333,8 @@ impl PySystem {
         without: Vec<String>,
         memory: Vec<f64>,
         acceleration: Vec<f64>,
+        turn: Option<PyReadonlyArray2<'py, f64>>,
+        raw: bool,
     ) -> PyResult<Bound<'py, PyDict>> {
         let state = state_of(&self.0, &q, &rate)?;
         let effects = effects(&without)?;
@@ -326,13 +348,23 @@ impl PySystem {
             ))
             .into());
         }
-        let (lin, counts) = run(py, &self.0, move |system, _| {
+        let turn = turn.as_ref().map(table);
+        let (lin, parts, counts) = run(py, &self.0, move |system, _| {
             let mut counts = Counts::default();
             let setting = Setting { system, state: &state, memory: &memory, acceleration: &acceleration, effects };
-            linearize(&setting, &mut counts).map(|l| (l, counts))
+            let lin = linearize(&setting, &mut counts)?;
+            let parts = if raw { None } else { Some(parts(&setting, &lin, turn.as_ref())?) };
+            Ok((lin, parts, counts))
         })?;
         let out = PyDict::new(py);
         put_linearization(py, &out, &self.0, &lin)?;
+        match &parts {
+            Some(parts) => put_parts(py, &out, parts)?,
+            None => {
+                out.set_item("D", lin.matrices.damping.as_ref().map(|d| array(d).into_pyarray(py)))?;
+                out.set_item("S", array(&lin.matrices.stiffness).into_pyarray(py))?;
+            }
+        }
         out.set_item("moving", lin.acceleration.is_some() || rate.as_array().iter().any(|r| *r != 0.0))?;
         if let Some(l) = &lin.loops {
             out.set_item("rank", l.dependent.len())?;
@@ -451,39 +483,24 @@ impl PySystem {
         })
     }
 
-    /// Explicit motion from a state with `n_steps` of length `step`; along a direction of the values (indices, weights) also the
-    /// derivative of the positions.
-    fn integrate<'py>(
-        &self,
-        py: Python<'py>,
-        q: PyReadonlyArray1<'py, f64>,
-        rate: PyReadonlyArray1<'py, f64>,
-        step: f64,
-        n_steps: usize,
-        direction: Option<(Vec<usize>, Vec<f64>)>,
-    ) -> PyResult<Bound<'py, PyDict>> {
-        let state = state_of(&self.0, &q, &rate)?;
-        motion::integrate(py, &self.0, state, step, n_steps, direction)
-    }
-
-    /// Where the laws act at a state, see `motion::law_places`.
+    /// Where the laws act at a state, see `law_places::law_places`.
     fn law_places<'py>(
         &self,
         py: Python<'py>,
         q: PyReadonlyArray1<'py, f64>,
         rate: PyReadonlyArray1<'py, f64>,
     ) -> PyResult<Bound<'py, PyList>> {
-        motion::law_places(py, &self.0, &state_of(&self.0, &q, &rate)?)
+        law_places::law_places(py, &self.0, &state_of(&self.0, &q, &rate)?)
     }
 
-    /// Where the functions of several coordinates act, see `motion::function_places`.
+    /// Where the functions of several coordinates act, see `law_places::function_places`.
     fn function_places<'py>(
         &self,
         py: Python<'py>,
         q: PyReadonlyArray1<'py, f64>,
         rate: PyReadonlyArray1<'py, f64>,
     ) -> PyResult<Bound<'py, PyList>> {
-        motion::function_places(py, &self.0, &state_of(&self.0, &q, &rate)?)
+        law_places::function_places(py, &self.0, &state_of(&self.0, &q, &rate)?)
     }
 
     /// Strains of the elastic connectors by the coordinates whose twists (6 n_bodies, dof) of the bodies' origins at `position` are
@@ -497,39 +514,17 @@ impl PySystem {
         twist: PyReadonlyArray2<'py, f64>,
         position: PyReadonlyArray2<'py, f64>,
     ) -> PyResult<Bound<'py, PyDict>> {
-        let state = state_of(&self.0, &q, &empty(py)?)?;
-        let effects = effects(&without)?;
-        let wanted =
-            Wanted { laws: effects.law_slopes, friction: effects.friction, contact: effects.contact, ..Wanted::SLOPES };
-        let numbers = Numbers { x: &self.0.x, memory: &[], t: 0.0 };
-        let (topology, geometry) = (&self.0.topology, &self.0.geometry);
-        let placement = place(topology, geometry, &state.q, None);
-        let (names, stiffness) = (PyList::empty(py), PyList::empty(py));
-        let mut elements = Vec::with_capacity(topology.connectors.len());
-        for c in &topology.connectors {
-            let one = coordinate_tangent(topology, geometry, &placement, numbers, c, wanted);
-            let n = one.gradients.len();
-            names.append(match c.owner {
-                Owner::Element(i) => &topology.tables.elements[i].name,
-                Owner::Joint(i) => &topology.tables.joints[i].name,
-            })?;
-            stiffness.append(Array2::from_shape_fn((n, n), |(i, j)| one.k[i][j]).into_pyarray(py))?;
-            elements.push(Element { bodies: [c.a, c.b], point: one.point, gradients: one.gradients });
-        }
-        let place = position.as_array();
-        let position = place.rows().into_iter().map(|p| V3::new(p[0], p[1], p[2])).collect();
-        let made = strain_rows(&Motions { twist: matrix(&twist), position }, &elements);
-        let body = |b: Option<usize>| b.map_or(-1, |b| b as i64);
-        let bodies = Array2::from_shape_fn((elements.len(), 2), |(i, k)| body(elements[i].bodies[k]));
-        let all: Vec<_> = elements.iter().flat_map(|e| &e.gradients).collect();
-        let out = PyDict::new(py);
-        out.set_item("bodies", bodies.into_pyarray(py))?;
-        out.set_item("gradients", Array2::from_shape_fn((all.len(), 6), |(i, k)| all[i].get(k)).into_pyarray(py))?;
-        out.set_item("names", names)?;
-        out.set_item("stiffness", stiffness)?;
-        out.set_item("rows", to_numpy(py, made.rows.as_ref()))?;
-        out.set_item("sizes", to_numpy(py, made.sizes.as_ref()))?;
-        Ok(out)
+        strains::strains(py, &self.0, &state_of(&self.0, &q, &empty(py)?)?, effects(&without)?, (&twist, &position))
+    }
+
+    /// F (rows, dof) with F^T F the stiffness of all that is elastic at a state at rest; None where it has no such factor.
+    fn stiffness_factor<'py>(
+        &self,
+        py: Python<'py>,
+        q: PyReadonlyArray1<'py, f64>,
+        without: Vec<String>,
+    ) -> PyResult<Option<Bound<'py, numpy::PyArray2<f64>>>> {
+        strains::stiffness_factor(py, &self.0, state_of(&self.0, &q, &empty(py)?)?, effects(&without)?)
     }
 
     /// Wrench of every joint on its second body at the joint's point, (n_joints, 6), world axes.

@@ -5,11 +5,14 @@ use numpy::PyReadonlyArray1;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
+use crate::aero::polar::Polar;
+use crate::aero::section::Inflow;
 use crate::error::{Error, Result};
 use crate::force::FunctionLaw;
 use crate::joint::JointKind;
+use crate::model::air::{AirSpec, History, SectionSpec};
 use crate::model::flexible::{FlexibleSpec, TipSpec};
-use crate::model::layout::{joint_type, load_type};
+use crate::model::layout::{air_inflow, joint_type, load_type};
 use crate::model::motion::{Function, MotionKind, MotionSpec};
 use crate::model::tables::{
     BodyRef, BodySpec, CouplerSpec, DriveSpec, ElementKind, ElementSpec, FunctionSpec, JointSpec, LawSpec,
@@ -66,6 +69,7 @@ pub fn tables(dict: &Bound<'_, PyDict>) -> PyResult<Tables> {
     let flexible = Flexible::read(&reader, &bodies)?;
     let (joints, elements) = (joints(&reader, &flexible)?, elements(&reader, &flexible)?);
     let loads = loads(&reader, &flexible)?;
+    let (air, sections) = air(&reader, &flexible)?;
     bodies.extend(flexible.tip_bodies);
     let tables = Tables {
         x,
@@ -80,10 +84,13 @@ pub fn tables(dict: &Bound<'_, PyDict>) -> PyResult<Tables> {
         motions: motions(&reader)?,
         drives: drives(&reader)?,
         couplers: couplers(&reader)?,
+        air,
+        sections,
         load_motions: load_motions(&reader)?,
         gravity,
         poses: poses(&reader)?,
         tolerance: reader.item("tolerance")?.extract()?,
+        absolute: dict.get_item("absolute")?.is_some(),
     };
     tables.check()?;
     Ok(tables)
@@ -321,6 +328,46 @@ fn load_motions(reader: &Reader<'_, '_>) -> PyResult<Vec<LoadMotionSpec>> {
         Ok(LoadMotionSpec { load: offset(load[i])?, component: offset(component[i])?, motion: offset(motion[i])? })
     };
     (0..load.len()).map(one).collect()
+}
+
+/// Air and its sections; tables without any need not have their keys.
+fn air(reader: &Reader<'_, '_>, flexible: &Flexible) -> PyResult<(Vec<AirSpec>, Vec<SectionSpec>)> {
+    let Some([inflow, x, history]) = optional(reader, "air", ["inflow", "x", "history_x"])? else {
+        return Ok((Vec::new(), Vec::new()));
+    };
+    let names = reader.names("air_name")?;
+    same_length("air", &[names.len(), x.len()])?;
+    let of = reader.ints("section_air")?;
+    let times: Vec<Vec<f64>> = reader.item("air_times")?.extract()?;
+    same_length("air", &[names.len(), times.len()])?;
+    let one = |(i, name): (usize, String)| {
+        let inflow = match inflow[i] {
+            air_inflow::GIVEN => Inflow::Given,
+            air_inflow::MOMENTUM => Inflow::Momentum,
+            code => return Err(Error::model(format!("inflow {code} does not exist")).into()),
+        };
+        let sections = of.iter().filter(|a| **a == i as i64).count();
+        let history = usize::try_from(history[i]).ok().map(|x| History { times: times[i].clone(), x, sections });
+        Ok(AirSpec { name, inflow, x: offset(x[i])?, history })
+    };
+    let airs = names.into_iter().enumerate().map(one).collect::<PyResult<_>>()?;
+    let angles: Vec<Vec<f64>> = reader.item("polar_angle")?.extract()?;
+    let pieces: Vec<Vec<f64>> = reader.item("polar_pieces")?.extract()?;
+    same_length("polar", &[angles.len(), pieces.len()])?;
+    let polars = angles.into_iter().zip(pieces).map(|(a, p)| Polar::new(a, &p).map(Arc::new));
+    let polars = polars.collect::<Result<Vec<_>>>()?;
+    let polar = |i: i64| {
+        let found = usize::try_from(i).ok().and_then(|i| polars.get(i).cloned());
+        found.ok_or_else(|| Error::model("a section refers to a polar that does not exist"))
+    };
+    let [on, first, second, x] = columns(reader, "section", ["body", "polar", "second_polar", "x"], of.len())?;
+    let on = flexible.placed(reader, "section_node", on)?;
+    let one = |i: usize| {
+        let polars = [polar(first[i])?, polar(second[i])?];
+        let number = of[..i].iter().filter(|a| **a == of[i]).count();
+        Ok(SectionSpec { air: offset(of[i])?, number, body: offset(on[i])?, x: offset(x[i])?, polars })
+    };
+    Ok((airs, (0..of.len()).map(one).collect::<PyResult<_>>()?))
 }
 
 fn poses(reader: &Reader<'_, '_>) -> PyResult<Vec<(usize, usize)>> {

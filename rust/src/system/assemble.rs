@@ -33,6 +33,7 @@ pub struct Effects {
     pub contact: bool,
     pub nonholonomic: bool,
     pub drives: bool,
+    pub aerodynamics: bool,
 }
 
 impl Effects {
@@ -48,6 +49,7 @@ impl Effects {
         contact: true,
         nonholonomic: true,
         drives: true,
+        aerodynamics: true,
     };
 
     /// The same forces with tangents that are their derivatives, whatever a linearisation should leave out.
@@ -111,7 +113,7 @@ impl<T: Real> Scene<'_, T> {
     fn damped(&self) -> bool {
         let damps = |c: &Connector| c.c.is_some() || self.effects.law_slopes && c.feels_rates();
         let modal = || self.geometry.flexible.iter().any(|f| f.damped);
-        self.effects.damping && (self.topology.connectors.iter().any(damps) || modal())
+        self.has_air() || self.effects.damping && (self.topology.connectors.iter().any(damps) || modal())
     }
 
     /// How columns of moving nodes come to the coordinates; None without flexible bodies.
@@ -132,6 +134,9 @@ impl<T: Real> Scene<'_, T> {
                 continue;
             }
             let acting = load_interaction(self.topology, self.geometry, self.placement, load, self.t, wanted);
+            add_wrench(self.topology, self.placement, &acting, &mut sums);
+        }
+        for acting in self.air_forces() {
             add_wrench(self.topology, self.placement, &acting, &mut sums);
         }
         sums
@@ -308,8 +313,9 @@ impl<T: Real> Scene<'_, T> {
         }
         let mut damping = self.damped().then(&empty);
         self.add_connectors(&mut stiffness, damping.as_mut(), counts);
-        self.add_modal_stiffness(&mut stiffness, damping.as_mut());
+        self.add_modal_stiffness(&mut stiffness, damping.as_mut().filter(|_| self.effects.damping));
         self.add_loads(&mut stiffness, counts);
+        self.add_air(&mut stiffness, damping.as_mut(), counts);
         if let Some(lam) = lam.filter(|_| self.effects.constraint_force_stiffness) {
             self.add_multiplier_stiffness(lam, &mut stiffness, counts);
         }
@@ -356,6 +362,13 @@ impl<T: Real> Scene<'_, T> {
             let acting = load_interaction(topology, self.geometry, self.placement, load, self.t, wanted);
             add_tangent(topology, self.placement, &acting, true, stiffness, None);
             counts.add("load tangents", 1);
+        }
+    }
+
+    fn add_air<E: Entries<T>>(&self, stiffness: &mut E, mut damping: Option<&mut E>, counts: &mut Counts) {
+        for acting in self.air_tangents() {
+            add_tangent(self.topology, self.placement, &acting, true, stiffness, damping.as_deref_mut());
+            counts.add("section tangents", 1);
         }
     }
 

@@ -67,6 +67,11 @@ impl<T: Real> Scene<'_, T> {
             let acting = load_interaction(topology, self.geometry, self.placement, i, self.t, wanted);
             sizes[topology.island[topology.node_of_body[load.body]]] += size(&acting.wrench);
         }
+        for acting in self.air_forces() {
+            if let Some(node) = topology.node(acting.b) {
+                sizes[topology.island[node]] += size(&acting.wrench);
+            }
+        }
         for c in &topology.connectors {
             let acting = interaction(topology, self.geometry, self.placement, self.numbers(), c, Wanted::FORCES);
             if let Some(node) = topology.node(c.a).or(topology.node(c.b)) {

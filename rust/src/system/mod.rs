@@ -4,6 +4,7 @@
 //! topology    spanning tree (tree), tree coordinates, cut rows, connectors   (once per structure)
 //! placement   poses and motion columns of a state                      (per state)
 //! binding     elements, joints with springs and laws as connectors
+//! air         forces of the air on the sections of blades
 //! articulated M x = f on a tree without M               (per state)
 //! inertia     M and the velocity and gravity terms, by recursion       (per state)
 //! flexible    modal coordinates: their inertia, and the nodes that they move
@@ -17,6 +18,7 @@
 //! closure     from the drawing to closed loops
 //! loops       dependent coordinates, the transformation B''
 //! ```
+pub mod air;
 pub mod articulated;
 pub mod assemble;
 mod binding;

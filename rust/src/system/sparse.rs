@@ -158,7 +158,7 @@ fn check(system: &System, state: &State) -> Result<()> {
     }
     if let Some(name) = topology.tables.unusual() {
         return Err(Error::route(format!(
-            "'{name}' is a nonholonomic joint, a drive, a coupler or a flexible body, which the sparse route of large models does not know: {dense}"
+            "'{name}' is a nonholonomic joint, a drive, a coupler, a flexible body or air, which the sparse route of large models does not know: {dense}"
         )));
     }
     Ok(())

@@ -11,7 +11,7 @@ pub(super) fn spanning_tree(tables: &Tables) -> (Vec<Node>, Vec<usize>) {
     // joints at each body, ground last
     let mut at: Vec<Vec<usize>> = vec![Vec::new(); n + 1];
     for (j, joint) in tables.joints.iter().enumerate() {
-        if joint.kind.role() == Role::Carries {
+        if joint.kind.role() == Role::Carries && !tables.absolute {
             at[joint.a.unwrap_or(n)].push(j);
             at[joint.b.unwrap_or(n)].push(j);
         }

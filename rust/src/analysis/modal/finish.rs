@@ -111,9 +111,9 @@ fn refine_partners(terms: &Terms, modes: &mut [RawMode], counts: &mut Counts) {
 fn heed_neighbours(modes: &[RawMode], quality: &mut [Quality]) {
     let roots: Vec<C> = modes.iter().flat_map(|m| [m.s, m.partner]).collect();
     for (j, quality) in quality.iter_mut().enumerate().filter(|(j, _)| !modes[*j].rigid && modes[*j].known.is_none()) {
-        let distance = |(k, s): (usize, &C)| if k == 2 * j { f64::INFINITY } else { (s - modes[j].s).norm() };
-        let nearest = roots.iter().enumerate().map(distance).fold(f64::INFINITY, f64::min);
-        quality.heed_neighbour(modes[j].s, nearest);
+        let others = roots.iter().enumerate().filter(|(k, _)| *k != 2 * j);
+        let distances: Vec<f64> = others.map(|(_, s)| (s - modes[j].s).norm()).collect();
+        quality.heed_neighbours(modes[j].s, &distances);
     }
 }
 

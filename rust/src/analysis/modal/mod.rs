@@ -23,7 +23,7 @@ use crate::linalg::dense::{C, cholesky};
 use crate::run::Counts;
 use crate::second_order::{SecondOrder, massless};
 
-use crate::tolerances::modes::MASSLESS;
+use crate::tolerances::modes::{GRADED, LIGHTEST, MASSLESS};
 use quality::Correction;
 pub use subspace::largest_component;
 
@@ -79,6 +79,19 @@ pub struct Modal {
     /// Smallest pivot of M relative to its diagonal: what elimination has left of the lightest motion.
     pub mass_pivot: f64,
     pub counts: Counts,
+}
+
+impl Modal {
+    /// True where light bodies may be lost in M beside heavy ones: a factor of M knows them.
+    pub fn light(&self) -> bool {
+        self.mass_pivot.is_nan() || self.mass_pivot < LIGHTEST
+    }
+
+    /// True where a frequency of an assembled model is less accurate than the factor of its stiffness would make it.
+    pub fn blurred(&self) -> bool {
+        let elastic = self.kind.iter().zip(&self.error).filter(|(kind, _)| **kind != Kind::Rigid);
+        elastic.into_iter().any(|(_, error)| error.is_nan() || *error > GRADED)
+    }
 }
 
 /// A mode as the routes find it: coordinates scaled to unit mass, any normalisation.

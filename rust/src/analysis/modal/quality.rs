@@ -4,7 +4,7 @@ use faer::{Mat, MatRef};
 
 use crate::linalg::dense::{C, EPS, absolute, dot, exceeds, frobenius, modulus, real_times};
 use crate::second_order::SecondOrder;
-use crate::tolerances::modes::{DOUBLE_ROOT, DOUBTFUL};
+use crate::tolerances::modes::{DOUBLE_ROOT, DOUBTFUL, MEETING};
 
 /// |psi^T Q'(s) phi| relative to its terms, below which a root counts as near-defective: two roots of one mode then agree
 /// to about this, and a damping ratio is within about its square of one.
@@ -68,12 +68,15 @@ impl Quality {
         exceeds(self.backward * self.normwise, DOUBTFUL)
     }
 
-    /// Where more than two roots almost meet, a root moves like a higher root of its residual: the first-order estimate at the
-    /// computed root, which rounding has moved away from the others, has that size. `nearest` is the distance to the next root.
-    pub fn heed_neighbour(&mut self, s: C, nearest: f64) {
+    /// Where more than two roots almost meet, a root moves like a higher root of its residual. One of m roots of p that almost meet is
+    /// at most m |p / p'| from here, whatever their order: m times the first-order estimate at the computed root, which rounding has
+    /// moved away from the others. `distances` are those to all other roots.
+    pub fn heed_neighbours(&mut self, s: C, distances: &[f64]) {
+        let nearest = distances.iter().copied().fold(f64::INFINITY, f64::min);
         let pairwise = DOUBLE_ROOT * self.curvature * nearest / s.norm().max(f64::MIN_POSITIVE);
         if self.separation < NEAR_DEFECTIVE && self.denominator.norm() < pairwise {
-            self.error = self.error.max(self.single);
+            let meeting = 1 + distances.iter().filter(|d| **d <= MEETING * nearest).count();
+            self.error = self.error.max(meeting as f64 * self.single);
         }
     }
 }

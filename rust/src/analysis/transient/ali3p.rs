@@ -29,6 +29,8 @@ const SOLVED: f64 = 1e-9;
 
 /// Below this part of the increment a correction leaves tangents the same: their derivatives of a motion part by less than 1e-10.
 const EXACT: f64 = 1e-11;
+/// Corrections below this many times the rounding of a pose that no longer shrink are rounding.
+const ROUNDED: f64 = 4096.0;
 
 /// The metric of the projections.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -415,7 +417,7 @@ impl Equations<'_, f64> {
                 break;
             }
             // rounding of a long way or of stiff forces: no further progress
-            if step > 0.5 * last && step < 1e-12 {
+            if step > 0.5 * last && step < ROUNDED * self.rounding(&m) {
                 return Ok((by, linear, false));
             }
             last = step;

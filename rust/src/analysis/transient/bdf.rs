@@ -21,22 +21,14 @@ use super::methods::STIFF;
 use super::rotations::rotation_triples;
 use super::{Equations, Instant, LocalError, Motion, Scheme, Step, scaled_size};
 use crate::linalg::kkt::Kkt;
+use crate::tolerances::motion::{CORRECTION_ROUNDING, LEAST_MOTION, NEWTON_ITERATIONS, ROTATION_REPETITIONS, SAFETY};
 
 const MOST: usize = 5;
 const FIXED: usize = 4;
-const MAX_ITERATIONS: usize = 12;
 /// A kept factorisation serves steps within this part of its own.
 const NEAR: f64 = 0.25;
-const SAFETY: f64 = 0.85;
-/// Corrections that an own factorisation does not shrink are rounding below this part of the motion within the step.
-const ROUNDING: f64 = 1e-10;
 /// A kept factorisation with which more iterations than these are to be expected is renewed.
 const PATIENCE: f64 = 4.0;
-/// Repetitions that find theta of v: each gains the turn within a step.
-const REPETITIONS: usize = 40;
-/// Motions within a step below this, characteristic lengths or radians, are solved as if they were of this size: at rest there
-/// is nothing but rounding to be relative to.
-const RESOLVED: f64 = 1e-6;
 /// Rotations of a chart beyond this (radians) call for a new one.
 const WIDE: f64 = 1.0;
 /// Tolerance of the run that starts fixed steps.
@@ -197,7 +189,7 @@ impl Bdf {
         let scales = eq.scales();
         let size = |v: &[f64]| scaled_size(v, &scales);
         let n = eq.n();
-        let speed = size(&guess.v).max(size(&from.motion.rate)).max(c * size(&from.acceleration)).max(RESOLVED / c);
+        let speed = size(&guess.v).max(size(&from.motion.rate)).max(c * size(&from.acceleration)).max(LEAST_MOTION / c);
         let (mut v, mut y, mut lam) = (guess.v.clone(), guess.y.clone(), from.lam.clone());
         if self.kept.as_ref().is_some_and(|(kept, _)| (kept / c - 1.0).abs() > NEAR) {
             self.kept = None;
@@ -214,7 +206,7 @@ impl Bdf {
         };
         let mut last = f64::INFINITY;
         let mut fresh = false;
-        for iteration in 1..=MAX_ITERATIONS {
+        for iteration in 1..=NEWTON_ITERATIONS {
             counts.add("iterations", 1);
             settle(eq, &known, c, &v, &mut y);
             let m = at(&y, &v);
@@ -245,7 +237,7 @@ impl Bdf {
             let rate = step / last;
             let near = step <= 0.1 * self.solved
                 || last.is_finite() && rate < 1.0 && step * rate / (1.0 - rate) <= self.solved;
-            if near || last.is_finite() && fresh && rate > 0.3 && step < ROUNDING {
+            if near || last.is_finite() && fresh && rate > 0.3 && step < CORRECTION_ROUNDING {
                 settle(eq, &known, c, &v, &mut y);
                 return Ok(Trial { motion: at(&y, &v), y });
             }
@@ -458,7 +450,7 @@ impl History {
 
 /// theta = known + c J_l^-1(theta) v.
 fn settle(eq: &Equations<'_, f64>, known: &[f64], c: f64, v: &[f64], y: &mut Vec<f64>) {
-    for _ in 0..REPETITIONS {
+    for _ in 0..ROTATION_REPETITIONS {
         let slope = eq.increment_rates(y, v);
         let next: Vec<f64> = known.iter().zip(&slope).map(|(k, s)| k + c * s).collect();
         let turns = |(a, b): (&f64, &f64)| (a - b).abs() > 2.0 * f64::EPSILON * a.abs().max(b.abs());

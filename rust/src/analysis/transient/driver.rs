@@ -1,6 +1,7 @@
 //! From instant to instant: steps of fixed or controlled length, output times, breaks, and what happened when it ends early.
 use crate::error::{Error, Result};
 use crate::run::{Cancel, Counts};
+use crate::tolerances::motion::SAFETY;
 
 use super::detour::Detour;
 use super::way::{Aim, Uncounted, Verdict, Way, active, finest};
@@ -8,7 +9,6 @@ use super::{Equations, Instant, LocalError, Motion, Scheme, Step};
 
 pub use super::plan::{End, Output, Plan, Progress, Run, Steps};
 
-const SAFETY: f64 = 0.85;
 const SHRINK: f64 = 0.2;
 const GROW: f64 = 3.0;
 /// How far before a break a step ends, as a part of the whole time.

@@ -2,6 +2,7 @@
 use crate::force::{AnyLaw, FunctionLaw, Stored, Surface};
 use crate::model::flexible::FlexibleGeometry;
 use crate::spatial::{Six, V3, log_so3};
+use crate::system::assemble::Scene;
 use crate::system::connector::{Wanted, load_interaction, modal_load, motion_of, relative_of};
 use crate::system::placement::Placement;
 use crate::system::topology::{Connector, Modal};
@@ -24,6 +25,8 @@ pub struct Energies {
     pub elements: Vec<ElementEnergy>,
     /// power that loads take: negative where they drive
     pub loads: Vec<f64>,
+    /// of the air, one for each of the model's airs
+    pub air: Vec<f64>,
 }
 
 /// Nodes and weights of Gauss-Legendre quadrature with 5 points on [0, 1].
@@ -117,7 +120,22 @@ impl Equations<'_, f64> {
         let elements = connectors.map(|c| self.element_energy(&placement, m, c));
         let elements = elements.chain(self.modal_energies(&placement, m)).collect();
         let loads = (0..topology.tables.loads.len()).map(|i| -self.load_power(i, &placement, m)).collect();
-        Energies { kinetic, gravity, elements, loads }
+        let air = self.air_powers(&scene, &placement);
+        Energies { kinetic, gravity, elements, loads, air }
+    }
+
+    fn air_powers(&self, scene: &Scene<'_, f64>, placement: &Placement<f64>) -> Vec<f64> {
+        let topology = self.topology();
+        let mut out = vec![0.0; topology.tables.air.len()];
+        let Some(velocity) = placement.velocity.as_ref() else {
+            return out;
+        };
+        for (acting, section) in scene.air_forces().zip(&topology.tables.sections) {
+            let node = topology.node_of_body[section.body];
+            let arm = acting.point - placement.pose[node].p;
+            out[section.air] -= acting.wrench.dot(&velocity.body[node].motion_at(&arm));
+        }
+        out
     }
 
     fn load_power(&self, load: usize, placement: &Placement<f64>, m: &Motion<f64>) -> f64 {

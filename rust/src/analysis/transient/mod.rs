@@ -30,8 +30,8 @@ pub mod consistent;
 mod detour;
 mod dop853_numbers;
 pub mod driver;
+mod element_motion;
 pub mod energy;
-pub mod explicit;
 pub mod explicit8;
 mod explicit_minimal;
 mod explicit_pivots;
@@ -192,7 +192,7 @@ pub fn scaled_size(v: &[f64], scales: &[f64]) -> f64 {
 }
 
 impl Equations<'_, f64> {
-    /// Rounding of coordinates, in characteristic lengths and radians: those far from zero have more of it.
+    /// Rounding of coordinates and places, in characteristic lengths and radians: those far from zero have more of it.
     pub fn rounding(&self, m: &Motion<f64>) -> f64 {
         let scales = self.scales();
         let run = |q: usize, first: usize, n: usize| (0..n).map(move |k| (q + k, first + k));
@@ -200,7 +200,7 @@ impl Equations<'_, f64> {
         let joints = nodes.flat_map(|n| run(n.q, n.first, n.kind.quaternion().unwrap_or(n.kind.nq())));
         let modal = self.topology().modal.iter().flat_map(|m| run(m.q, m.first, m.m));
         let farthest = joints.chain(modal).fold(0.0_f64, |far, (q, d)| far.max((m.q[q] / scales[d]).abs()));
-        f64::EPSILON * (1.0 + farthest)
+        f64::EPSILON * (1.0 + farthest + self.far)
     }
 }
 
@@ -216,6 +216,8 @@ pub struct Equations<'a, T: Real> {
     pub rows: Arc<RowBlocks>,
     /// connectors with laws whose states have rates
     rated: Vec<usize>,
+    /// distance of the farthest body from the origin of the world as drawn, characteristic lengths
+    far: f64,
     ordering: Ordering,
 }
 
@@ -239,6 +241,7 @@ impl<'a, T: Real> Equations<'a, T> {
 
     /// With a geometry that was derived before.
     pub fn with_geometry(system: &'a System, x: Vec<T>, geometry: Geometry<T>, effects: Effects) -> Self {
+        let far = geometry.bodies.iter().map(|b| b.drawn.p.map(|v| v.re()).norm()).fold(0.0, f64::max) / system.length;
         Equations {
             system,
             geometry,
@@ -247,6 +250,7 @@ impl<'a, T: Real> Equations<'a, T> {
             sparse: system.n_tree() + system.topology.rows.len() > DENSE,
             rows: row_blocks(system, effects),
             rated: effects.wanted().with_state_rates(&system.topology),
+            far,
             ordering: Ordering::default(),
         }
     }
@@ -313,14 +317,6 @@ impl<'a, T: Real> Equations<'a, T> {
     pub fn mass(&self, m: &Motion<T>) -> DMatrix<T> {
         let placement = self.place(m);
         self.scene(m, &placement, None).mass()
-    }
-
-    /// M and h together: one placement for both.
-    pub fn mass_and_forces(&self, m: &Motion<T>, counts: &mut Counts) -> (DMatrix<T>, DVector<T>) {
-        counts.add("force evaluations", 1);
-        let placement = self.place(m);
-        let scene = self.scene(m, &placement, None);
-        (scene.mass(), scene.residual(None))
     }
 
     /// r = M a + h + J^T lam, without ever forming M or J.

@@ -17,19 +17,17 @@ use nalgebra::DVector;
 
 use crate::error::{Error, Result};
 use crate::run::Counts;
+use crate::tolerances::motion::{CORRECTION_ROUNDING, LEAST_MOTION, NEWTON_ITERATIONS, ROTATION_REPETITIONS, SAFETY};
 
 use super::interpolate::quintic;
 use super::{Equations, Instant, LocalError, Motion, Scheme, Step, scaled_size};
 use linear::{Linear, Stages};
 use numbers::{FIVE, Tableau};
 
-const MAX_ITERATIONS: usize = 12;
 /// What is left of Newton's method, over the tolerance of a step.
 const SOLVED: f64 = 0.01;
 /// The same for fixed steps, over the motion.
 const SOLVED_FIXED: f64 = 1e-12;
-/// Corrections that matrices of this step do not shrink are rounding below this part of the motion.
-const ROUNDING: f64 = 1e-10;
 /// Matrices with which more iterations than these are to be expected are made anew.
 const PATIENCE: f64 = 5.0;
 /// Matrices with which corrections shrank more slowly than this, in more than a few iterations, are made anew for the next step.
@@ -42,12 +40,6 @@ const AGED: f64 = 2.0;
 const TRUSTED: f64 = 0.1;
 /// Three rotations that act together turn at most so far in a step (radians): rotation vectors are ambiguous at a whole turn.
 const WIDEST: f64 = 3.0;
-/// Repetitions that find theta of the rates: each gains the turn within a step.
-const REPETITIONS: usize = 40;
-/// Motions within a step below this, characteristic lengths or radians, are solved as if they were of this size: at rest there
-/// is nothing but rounding to be relative to.
-const RESOLVED: f64 = 1e-6;
-const SAFETY: f64 = 0.85;
 /// Steps that would grow by less keep their length and its factors.
 const WORTHWHILE: f64 = 1.2;
 /// The error of a step over a power of its estimate.
@@ -162,7 +154,7 @@ impl Radau {
 
     /// theta_i = h sum_j a_ij J_l^-1(theta_j) v_j.
     fn settle(&self, eq: &Equations<'_, f64>, h: f64, rates: &[Vec<f64>], theta: &mut Vec<Vec<f64>>) {
-        for _ in 0..REPETITIONS {
+        for _ in 0..ROTATION_REPETITIONS {
             let slopes: Vec<Vec<f64>> = theta.iter().zip(rates).map(|(y, v)| eq.increment_rates(y, v)).collect();
             let next: Vec<Vec<f64>> = (0..theta.len()).map(|i| self.integral(h, &slopes, i)).collect();
             let turns = |(a, b): (&f64, &f64)| (a - b).abs() > 2.0 * f64::EPSILON * a.abs().max(b.abs());
@@ -222,9 +214,9 @@ impl Radau {
         counts: &mut Counts,
     ) -> Result<(Stages, Trial)> {
         let scales = eq.scales();
-        let speed = self.speed.max(h * scaled_size(&from.acceleration, &scales)).max(RESOLVED / h);
+        let speed = self.speed.max(h * scaled_size(&from.acceleration, &scales)).max(LEAST_MOTION / h);
         let (mut last, mut fresh) = (f64::INFINITY, false);
-        for iteration in 1..=MAX_ITERATIONS {
+        for iteration in 1..=NEWTON_ITERATIONS {
             counts.add("iterations", 1);
             self.iterations = iteration;
             let trial = self.trial(eq, &from.motion, h, &stages.a);
@@ -248,13 +240,13 @@ impl Radau {
             let step = self.size(h, &change.a, (speed, &scales));
             let rate = if last.is_finite() { step / last } else { self.contraction.max(TRUSTED) };
             let near = step <= 0.1 * self.solved || rate < 1.0 && step * rate / (1.0 - rate) <= self.solved;
-            if last.is_finite() && step > ROUNDING {
+            if last.is_finite() && step > CORRECTION_ROUNDING {
                 self.contraction = rate;
                 if fresh {
                     self.freshest = rate;
                 }
             }
-            if near || last.is_finite() && fresh && rate > 0.3 && step < ROUNDING {
+            if near || last.is_finite() && fresh && rate > 0.3 && step < CORRECTION_ROUNDING {
                 let trial = self.trial(eq, &from.motion, h, &stages.a);
                 return Ok((stages, trial));
             }

@@ -1,0 +1,138 @@
+//! Forces of the air on the sections of blades, with exact tangents.
+use num_dual::Dual;
+
+use crate::aero::section::{Flow, Place, Section, displaced};
+use crate::model::air::{AirGeometry, SectionSpec};
+use crate::spatial::{M3, Map6, Real, Six, V3, turned};
+use crate::system::assemble::Scene;
+use crate::system::connector::{Elastic, Interaction};
+
+/// One section as it is now.
+struct Here<'p, T: Real> {
+    spec: &'p SectionSpec,
+    air: &'p AirGeometry<T>,
+    /// the velocity that a wake induces, in the section's axes
+    induced: V3<T>,
+    section: Section<'p, T>,
+    place: Place<T>,
+}
+
+impl<T: Real> Here<'_, T> {
+    /// Velocity of the air at a point, without what annuli induce.
+    fn velocity(&self, point: &V3<T>) -> V3<T> {
+        self.air.wind(point) + turned(&self.place.r, &self.induced)
+    }
+
+    fn wrench(&self) -> Six<T> {
+        self.section.wrench(&self.place, |p| self.velocity(p))
+    }
+}
+
+impl<T: Real> Scene<'_, T> {
+    fn here(&self, index: usize) -> Here<'_, T> {
+        let tables = &self.topology.tables;
+        let spec = &tables.sections[index];
+        let numbers = &self.geometry.sections[index];
+        let air = &self.geometry.air[spec.air];
+        let node = self.topology.node_of_body[spec.body];
+        let pose = &self.placement.pose[node];
+        let arm = turned(&pose.r, &numbers.local);
+        let velocity = self.placement.velocity.as_ref().map_or_else(Six::zero, |v| v.body[node].motion_at(&arm));
+        let history = tables.air[spec.air].history.as_ref();
+        Here {
+            spec,
+            air,
+            induced: history.map_or_else(V3::zeros, |h| h.velocity(self.x, spec.number, self.t)),
+            section: numbers.section(spec, air, tables.air[spec.air].inflow),
+            place: Place { p: pose.p + arm, r: pose.r, velocity },
+        }
+    }
+
+    fn airy(&self) -> usize {
+        if self.effects.aerodynamics { self.topology.tables.sections.len() } else { 0 }
+    }
+
+    /// Do any sections act?
+    pub(super) fn has_air(&self) -> bool {
+        self.airy() > 0
+    }
+
+    /// The flow at every section, and where the section is.
+    pub fn air_flows(&self) -> Vec<(Place<T>, Flow<T>)> {
+        let one = |i: usize| {
+            let here = self.here(i);
+            let mut flow = here.section.flow(&here.place, |p| here.velocity(p));
+            flow.induced += turned(&here.place.r, &here.induced);
+            (here.place, flow)
+        };
+        (0..self.topology.tables.sections.len()).map(one).collect()
+    }
+
+    /// Wrenches of all sections on their bodies.
+    pub fn air_forces(&self) -> impl Iterator<Item = Interaction<T>> {
+        (0..self.airy()).map(|i| {
+            let here = self.here(i);
+            self.acting(&here, here.wrench(), None)
+        })
+    }
+
+    /// The same with their tangents: the wrench by duals along the six displacements and the six rates of the section.
+    pub(super) fn air_tangents(&self) -> impl Iterator<Item = Interaction<T>> {
+        (0..self.airy()).map(|i| {
+            let here = self.here(i);
+            self.acting(&here, here.wrench(), Some(here.slopes()))
+        })
+    }
+
+    fn acting(&self, here: &Here<'_, T>, wrench: Six<T>, slopes: Option<(Slopes<T>, Slopes<T>)>) -> Interaction<T> {
+        let (elastic, tangent) = slopes.map(|(k, c)| (resisting(&k, &c), (Map6::zero(), map_of(&c)))).unzip();
+        Interaction { a: None, b: Some(here.spec.body), point: here.place.p, wrench, damped: true, elastic, tangent }
+    }
+}
+
+/// Slopes of a wrench: entry (i, j) of part i along j.
+type Slopes<T> = [[T; 6]; 6];
+
+impl<T: Real> Here<'_, T> {
+    /// dW/dxi and dW/dxi' about the fixed place of the section's point.
+    fn slopes(&self) -> (Slopes<T>, Slopes<T>) {
+        let lift = |v: T| Dual::from_re(v);
+        let (air, induced) = (self.air.map(&mut { lift }), self.induced.map(lift));
+        let (section, still) = (self.section.map(lift), self.place.map(lift));
+        let zero = [[T::zero(); 6]; 6];
+        let (mut k, mut c) = (zero, zero);
+        for j in 0..6 {
+            let along = unit(j).map(|v| Dual::new(T::zero(), v));
+            let along = Six::new(V3::from_fn(|i, _| along[i]), V3::from_fn(|i, _| along[3 + i]));
+            for (slopes, xi, rate) in [(&mut k, along, Six::zero()), (&mut c, Six::zero(), along)] {
+                let place = displaced(&still, &xi, &rate);
+                let moved = Here { spec: self.spec, air: &air, induced, section, place };
+                let mut w = moved.wrench();
+                w.a += xi.l.cross(&w.l);
+                for (i, row) in slopes.iter_mut().enumerate() {
+                    row[j] = w.get(i).eps;
+                }
+            }
+        }
+        (k, c)
+    }
+}
+
+fn unit<T: Real>(k: usize) -> [T; 6] {
+    std::array::from_fn(|i| if i == k { T::one() } else { T::zero() })
+}
+
+/// Slopes as of a spring on the six coordinates of a body.
+fn resisting<T: Real>(k: &Slopes<T>, c: &Slopes<T>) -> Elastic<T> {
+    let negative = |m: &Slopes<T>| m.map(|row| row.map(|v| -v));
+    let gradient = |k: usize| {
+        let e = unit(k);
+        Six::new(V3::new(e[0], e[1], e[2]), V3::new(e[3], e[4], e[5]))
+    };
+    Elastic { gradients: (0..6).map(gradient).collect(), k: negative(k), c: negative(c) }
+}
+
+fn map_of<T: Real>(m: &Slopes<T>) -> Map6<T> {
+    let block = |i: usize, j: usize| M3::from_fn(|a, b| m[i + a][j + b]);
+    Map6 { ll: block(0, 0), la: block(0, 3), al: block(3, 0), aa: block(3, 3) }
+}

@@ -1,0 +1,241 @@
+"""The fast path of sweeps: designs computed in the core are those that Python computes one by one, failures and remarks included."""
+
+from __future__ import annotations
+
+import warnings
+
+import mbrs as mb
+import numpy as np
+import pytest
+from mbrs.design.fast import FastModes, fast_modes
+from random_models import random_loop, random_tree
+
+pytestmark = pytest.mark.filterwarnings("ignore::mbrs.errors.MbrsWarning")
+
+
+def parametric(m, rng):
+    """Expressions of parameters drive numbers of some elements."""
+    mass, k = m.parameter("extra", 1.3), m.parameter("k", [3.1, 4.7])
+    top = m.body("top", mass=mass * 0.9 + 0.2, inertia=(0.31, 0.42, 0.37), at=rng.normal(size=3))
+    m.spherical(
+        "ball",
+        m.bodies[0],
+        top,
+        at=rng.normal(size=3),
+        k=np.sqrt(k[0] * k[1]) * np.array([1.0, 1.7, 0.6]),
+        c=[0.07 * k[1], 0.05, 0.09 * k[0]],
+    )
+    m.spring_damper("tie", m.ground, top, at=(rng.normal(size=3), rng.normal(size=3) + 2.0), k=k[0] ** 2, c=0.11)
+    return m
+
+
+def tree(rng, **given):
+    return parametric(random_tree(rng, 3, each=True, kinds=("spherical", "cylindrical", "revolute"), **given), rng)
+
+
+def loop(rng, **given):
+    return parametric(random_loop(rng, ("revolute", "spherical", "universal", "cylindrical"), **given), rng)
+
+
+SET = {
+    "extra": (0.9, 1.9),
+    "k[0]": (2.0, 4.0),
+    "b0.mass": (1.1, 2.1),
+    "b1.com[2]": (-0.2, 0.3),
+    "spring0.k": (5.0, 9.0),
+}
+BY = ["k", "b0.mass", "extra", "bush0.k[0,3]", "b1.at[1]", "bush0.c", "spring0.at_b[0]"]
+
+
+def python_alone(outputs):
+    """The same outputs by a function, which no fast path knows."""
+    return lambda model: outputs(model)
+
+
+def computed(m, designs, outputs):
+    """How many designs the core computes by itself."""
+    fast = fast_modes(m.copy, designs.names, outputs)
+    assert fast is not None
+    done, at = [], 0
+    while at < len(designs):
+        block = fast.compute(designs.values[at:])
+        done += block.computed.tolist()
+        at += len(block.computed)
+    return np.array(done)
+
+
+CASES = {
+    "tree": lambda rng: tree(rng),
+    "tree of potential forces": lambda rng: tree(rng, followers=False),
+    "moving tree": lambda rng: tree(rng, moving=True),
+    "loop": lambda rng: loop(rng),
+    "moving loop": lambda rng: loop(rng, moving=True),
+}
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_the_core_computes_what_python_computes(name):
+    m = CASES[name](np.random.default_rng(41))
+    designs = mb.design.latin_hypercube(SET, 9, seed=7)
+    outputs = mb.outputs.modes(n=4, sensitivities=BY)
+    assert computed(m, designs, outputs).all()
+    fast, slow = mb.sweep(m, designs, outputs), mb.sweep(m, designs, python_alone(outputs))
+    assert fast.done.all() and slow.done.all() and set(fast.outputs) == set(slow.outputs)
+    for key, expected in slow.outputs.items():
+        scale = np.nanmax(np.abs(expected), axis=(0, 1), keepdims=True)
+        assert np.array_equal(np.isnan(fast[key]), np.isnan(expected))
+        assert (
+            fast[key] == pytest.approx(expected, rel=1e-10, abs=0, nan_ok=True)
+            or np.nanmax(np.abs(fast[key] - expected) / np.where(scale > 0, scale, 1)) < 1e-12
+        )
+
+
+def hanging(rng):
+    m = random_tree(rng, 3, each=True, kinds=("spherical", "revolute", "cylindrical"), followers=False)
+    m.parameter("extra", 1.0)
+    return m
+
+
+def test_equilibria_are_followed():
+    m = hanging(np.random.default_rng(5))
+    designs = mb.design.latin_hypercube({"b0.mass": (1.1, 1.9), "spring1.k": (6.0, 9.0)}, 6, seed=2)
+    outputs = mb.outputs.modes(n=3, sensitivities=["b0.mass", "mount1.k[2]", "spring1.k"], at="equilibrium")
+    assert computed(m, designs, outputs).any()
+    fast, slow = mb.sweep(m, designs, outputs), mb.sweep(m, designs, python_alone(outputs))
+    assert np.array_equal(fast.codes, slow.codes) and fast.done.any()
+    for key in slow.outputs:
+        assert fast[key] == pytest.approx(slow[key], rel=1e-8, abs=1e-9, nan_ok=True)
+
+
+def test_derivatives_are_those_of_closed_forms():
+    """Two masses in a row: w^2 of [[k1 + k2, -k2], [-k2, k2]] over the masses, and its slopes by perturbation in closed form."""
+    m = mb.Model("two")
+    k1, ratio = m.parameter("k1", 310.0), m.parameter("ratio", 0.7)
+    axis = np.array([0.3, -0.5, 0.81])
+    a = m.body("a", mass=1.3, inertia=(0.1, 0.1, 0.1), at=(0.2, 0.1, 0.0))
+    b = m.body("b", mass=0.6, inertia=(0.1, 0.1, 0.1), at=(0.9, 0.4, -0.3))
+    m.prismatic("first", m.ground, a, at=(0.2, 0.1, 0.0), axis=axis, k=k1)
+    m.prismatic("second", a, b, at=(0.9, 0.4, -0.3), axis=axis, k=k1 * ratio)
+    designs = mb.design.latin_hypercube({"k1": (200.0, 900.0), "ratio": (0.4, 1.6), "b.mass": (0.3, 2.0)}, 12, seed=9)
+    outputs = mb.outputs.modes(sensitivities=["k1", "ratio", "b.mass"])
+    assert computed(m, designs, outputs).all()
+    runs = mb.sweep(m, designs, outputs)
+    for i in range(12):
+        k, r, mass = designs.values[i]
+        K, M = k * np.array([[1 + r, -r], [-r, r]]), np.diag([1.3, mass])
+        root = np.diag(1 / np.sqrt(np.diag(M)))
+        w2, v = np.linalg.eigh(root @ K @ root)
+        phi = root @ v
+        f = np.sqrt(w2) / (2 * np.pi)
+        assert runs["frequency"][i] == pytest.approx(f, rel=1e-12)
+        changes = [(K / k, 0 * K), (k * np.array([[1.0, -1.0], [-1.0, 1.0]]), 0 * K), (0 * K, np.diag([0.0, 1.0]))]
+        for p, (dK, dM) in enumerate(changes):
+            slope = np.array([phi[:, j] @ (dK - w2[j] * dM) @ phi[:, j] for j in range(2)]) / (2 * np.sqrt(w2))
+            assert runs["frequency_derivative"][i, :, p] == pytest.approx(slope / (2 * np.pi), rel=1e-10)
+
+
+@pytest.mark.exact
+def test_bits_do_not_depend_on_blocks_chunks_or_threads():
+    m = loop(np.random.default_rng(3))
+    designs = mb.design.latin_hypercube(SET, 40, seed=1)
+    outputs = mb.outputs.modes(n=5, sensitivities=BY[:3])
+    plain = mb.sweep(m, designs, outputs)
+    for executor, chunk in ((None, 1), (None, 17), (2, 7), (3, 3)):
+        again = mb.sweep(m, designs, outputs, executor=executor, chunk=chunk)
+        assert all(again[key].tobytes() == plain[key].tobytes() for key in plain.outputs)
+
+
+def test_designs_that_fail_do_so_with_the_same_words():
+    m = tree(np.random.default_rng(8))
+    good = mb.design.latin_hypercube({**SET, "b0.inertia[0,0]": (0.4, 0.6), "tie.at_a[0]": (0.1, 0.2)}, 8, seed=4)
+    values = good.values.copy()
+    names = list(good.names)
+    values[1, names.index("b0.mass")] = -1.0
+    values[3, names.index("b0.inertia[0,0]")] = 1e3
+    values[4, names.index("extra")] = -4.0  # an expression makes a negative mass
+    values[6, names.index("k[0]")] = -1.0  # and the root of a negative number
+    designs = mb.design.from_table({name: values[:, j] for j, name in enumerate(names)})
+    outputs = mb.outputs.modes(n=3, sensitivities=["k", "b0.mass"])
+    done = computed(m, designs, outputs)
+    assert done[[0, 2, 5, 7]].all() and not done[[1, 3, 4, 6]].any()
+    fast, slow = mb.sweep(m, designs, outputs), mb.sweep(m, designs, python_alone(outputs))
+    assert [(f.design, f.error, f.object, f.message) for f in fast.failed] == [
+        (f.design, f.error, f.object, f.message) for f in slow.failed
+    ]
+    assert {f.design for f in fast.failed} == {1, 3, 4, 6}
+    assert fast["frequency"][fast.done] == pytest.approx(slow["frequency"][slow.done], rel=1e-11)
+
+
+def free_pair(light=0.7):
+    m = mb.Model("free pair")
+    a = m.body("a", mass=1.1, inertia=(0.1, 0.2, 0.25), at=(0.1, 0.2, 0.3))
+    b = m.body("b", mass=light, inertia=(0.1 * light, 0.12 * light, 0.15 * light), at=(0.9, -0.4, 0.2))
+    m.bushing("link", a, b, at=(0.5, 0.1, 0.2), k=[11.0, 13.0, 17.0, 3.0, 5.0, 4.0])
+    return m
+
+
+@pytest.mark.parametrize("light", [0.7, 1e-7])
+@pytest.mark.parametrize("soft", [1.0, 1e-11])
+def test_rigid_and_graded_modes_know_the_factors_of_the_model(light, soft):
+    m = free_pair(light)
+    m.torsion("hold", m.ground, "a", at=(0, 0, 0), axis=(0.3, 0.5, -0.2), k=soft)
+    designs = mb.design.latin_hypercube({"link.k[1]": (5.0, 20.0)}, 4, seed=1)
+    outputs = mb.outputs.modes(sensitivities=["link.k[0]", "hold.k"])
+    assert computed(m, designs, outputs).all()
+    fast, slow = mb.sweep(m, designs, outputs), mb.sweep(m, designs, python_alone(outputs))
+    assert np.all(np.sum(fast["frequency"] == 0.0, axis=1) == 5)
+    for key in slow.outputs:
+        assert fast[key] == pytest.approx(slow[key], rel=1e-9, abs=1e-12 * np.nanmax(np.abs(slow[key])), nan_ok=True)
+
+
+def test_a_stiffness_that_may_hold_weight_is_left_to_python():
+    m = mb.Model("weighed", gravity=(0.0, 0.0, 0.0))
+    a = m.body("a", mass=1.1, inertia=(0.1, 0.2, 0.25), at=(0.1, 0.2, 0.3))
+    m.prismatic("rail", m.ground, a, at=(0, 0, 0), axis=(0.3, 0.5, -0.2))
+    designs = mb.design.from_table({"gravity[0]": np.array([0.0, 1.0])})
+    assert not computed(m, designs, mb.outputs.modes()).any()
+    runs = mb.sweep(m, designs, mb.outputs.modes())
+    assert runs.done.all() and np.all(runs["frequency"] == 0.0)
+
+
+def test_remarks_are_told_and_can_be_errors():
+    m = tree(np.random.default_rng(12))
+    designs = mb.design.latin_hypercube({"b0.mass": (1.0, 2.0)}, 3, seed=1)
+    outputs = mb.outputs.modes(n=2)
+    with pytest.warns(mb.MbrsWarning, match="not in balance"):
+        assert mb.sweep(m, designs, outputs).done.all()
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        runs = mb.sweep(m, designs, outputs)
+    assert not runs.done.any() and {f.error for f in runs.failed} == {"MbrsWarning"}
+
+
+def test_what_is_done_before_an_interrupt_is_kept(monkeypatch):
+    m = tree(np.random.default_rng(21))
+    designs = mb.design.latin_hypercube(SET, 30, seed=6)
+    outputs = mb.outputs.modes(n=2)
+    whole = mb.sweep(m, designs, outputs)
+    real, blocks = FastModes.compute, []
+
+    def cut(self, values):
+        if len(blocks) == 3:
+            raise KeyboardInterrupt
+        blocks.append(len(values))
+        return real(self, values)
+
+    monkeypatch.setattr(FastModes, "compute", cut)
+    with pytest.raises(mb.Interrupted) as caught:
+        mb.sweep(m, designs, outputs, chunk=30)
+    done = caught.value.result.done
+    assert blocks[0] == 30 and 3 <= done.sum() < 30 and done[: done.sum()].all()
+    assert np.array_equal(caught.value.result["frequency"][done], whole["frequency"][done])
+
+
+def test_what_only_python_knows_goes_its_way():
+    m = random_tree(np.random.default_rng(2), 2)
+    names = ("b0.mass",)
+    assert fast_modes(m.copy, names, mb.outputs.modes(2)) is not None
+    assert fast_modes(m.copy, names, mb.outputs.equilibrium()) is None
+    assert fast_modes(m.copy, ("b0.inertia",), mb.outputs.modes(2)) is None
+    assert fast_modes(m.copy, ("no such number",), mb.outputs.modes(2)) is None
+    assert fast_modes(m.copy, names, lambda model: {}) is None

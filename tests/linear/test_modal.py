@@ -1,0 +1,617 @@
+"""Modes: closed forms, random systems, hard cases, bad input. Reference values are derived or carry their source."""
+
+from __future__ import annotations
+
+import itertools
+
+import mbrs as mb
+import numpy as np
+import pytest
+import scipy.linalg as sl
+from mbrs.errors import ModelError, NameNotFoundError, SingularError
+from mbrs.linear.mac import mac
+from mbrs.linear.matrices import MechanicalSystem
+from mbrs.linear.modal_result import KINDS, ModalResult
+from mbrs.linear.modes import modes
+from mpmath import mp
+
+EPS = np.finfo(float).eps
+
+
+def system(M, C=None, K=None, G=None, N=None) -> MechanicalSystem:
+    return MechanicalSystem(M, C, K, G=G, N=N)
+
+
+def spd(rng: np.random.Generator, n: int, floor: float = 0.1) -> np.ndarray:
+    a = rng.standard_normal((n, n))
+    return a @ a.T + floor * np.eye(n)
+
+
+def skew(rng: np.random.Generator, n: int) -> np.ndarray:
+    a = rng.standard_normal((n, n))
+    return a - a.T
+
+
+def parts(s: MechanicalSystem) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    zero = np.zeros((s.n, s.n))
+    d = (zero if s.C is None else s.C) + (zero if s.G is None else s.G)
+    return s.M, d, s.K + (zero if s.N is None else s.N)
+
+
+def state_matrix(s: MechanicalSystem) -> np.ndarray:
+    m, d, k = parts(s)
+    return np.block([[np.zeros_like(m), np.eye(s.n)], [-np.linalg.solve(m, k), -np.linalg.solve(m, d)]])
+
+
+def lapack_ratio(r: ModalResult, s: MechanicalSystem) -> float:
+    """Largest |Q(s) x| / (n eps (|s|^2 |M| + |s| |D| + |S|) |x|), 1-norms, in coordinates of unit mass."""
+    scale = 1.0 / np.sqrt(np.diag(s.M))
+    m, d, k = (a * np.outer(scale, scale) for a in parts(s))
+    norms = [np.abs(a).sum(axis=0).max() for a in (m, d, k)]
+    worst = 0.0
+    sides = [(r.shape, False)] + ([(r.left, True)] if r.left is not None else [])
+    for vectors, left in sides:
+        x = vectors / scale[:, None]
+        turn = (lambda a: a.T) if left else (lambda a: a)
+        e = r.eigenvalue
+        residual = (turn(m) @ x) * e**2 + (turn(d) @ x) * e + turn(k) @ x
+        size = np.abs(e) ** 2 * norms[0] + np.abs(e) * norms[1] + norms[2]
+        ratio = np.abs(residual).sum(axis=0) / np.maximum(size, 1e-300) / np.abs(x).sum(axis=0)
+        worst = max(worst, float(ratio.max()) / (s.n * EPS))
+    return worst
+
+
+def exact_roots(s: MechanicalSystem, digits: int = 50) -> list:
+    m, d, k = (mp.matrix(a.tolist()) for a in parts(s))
+    with mp.workdps(digits):
+        inverse = m**-1
+        a = mp.zeros(2 * s.n)
+        low, high = -inverse * k, -inverse * d
+        for i in range(s.n):
+            a[i, s.n + i] = 1
+            for j in range(s.n):
+                a[s.n + i, j], a[s.n + i, s.n + j] = low[i, j], high[i, j]
+        return list(mp.eig(a, left=False, right=False))
+
+
+def relative_errors(values: np.ndarray, s: MechanicalSystem, digits: int = 50) -> np.ndarray:
+    """Of every value against the exact root nearest to it, each root used once."""
+    exact, out = exact_roots(s, digits), []
+    with mp.workdps(digits):
+        for value in values:
+            z = mp.mpc(complex(value))
+            best = exact.pop(min(range(len(exact)), key=lambda k: abs(exact[k] - z)))
+            out.append(float(abs(best - z) / max(abs(best), mp.mpf(10) ** -30)))
+    return np.array(out)
+
+
+def cubic_hexapod(edge: float, k: float, c: float, mass: float, inertia: float) -> MechanicalSystem:
+    """Six struts along the edges of a cube that do not meet one body diagonal; the payload's centre is the cube's."""
+    corners = edge * np.array([[1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 1, 1], [0, 0, 1], [1, 0, 1]]) - edge / 2
+    rows = []
+    for a, b in itertools.pairwise([*corners, corners[0]]):
+        along = (b - a) / np.linalg.norm(b - a)
+        rows.append([*along, *np.cross((a + b) / 2, along)])
+    g = np.array(rows)
+    return system(np.diag([mass] * 3 + [inertia] * 3), c * g.T @ g, k * g.T @ g)
+
+
+# --- closed forms
+
+
+def test_cubic_hexapod_closed_form():
+    k, mass, inertia, edge, c = 1e5, 20.0, 0.15, 0.2, 30.0
+    r = modes(cubic_hexapod(edge, k, c, mass, inertia))
+    # struts in three orthogonal pairs: 2 k for each translation; k a^2 / 2 twice and 2 k a^2 about the diagonal
+    omega = np.sqrt([2 * k / mass] * 3 + [k * edge**2 / 2 / inertia] * 2 + [2 * k * edge**2 / inertia])
+    assert np.allclose(r.omega, omega, rtol=1e-13)
+    assert np.allclose(r.damping, omega * c / k / 2, rtol=1e-12)
+    assert r.groups == ((0, 1, 2), (3, 4))
+    assert np.allclose(r.frequency, [15.9155] * 3 + [18.3776] * 2 + [36.7553], atol=5e-5)
+    assert r.stats.route == "proportional" and not np.iscomplexobj(r.shape)
+    assert np.allclose(r.shape[:3, :3], np.eye(3) / np.sqrt(mass), atol=1e-12)
+
+
+@pytest.mark.parametrize("n", [1, 2, 3, 30])
+def test_chain_of_equal_masses(n):
+    k, m = 7.0, 0.3
+    K = k * (2 * np.eye(n) - np.eye(n, k=1) - np.eye(n, k=-1))
+    r = modes(system(m * np.eye(n), None, K))
+    j = np.arange(1, n + 1)
+    assert np.allclose(r.omega, 2 * np.sqrt(k / m) * np.sin(j * np.pi / 2 / (n + 1)), rtol=1e-13)
+    assert np.allclose(r.shape.T @ r.shape * m, np.eye(n), atol=1e-13)
+    assert r.stats.counts == {"cholesky factorisations": 1, "symmetric eigensolutions": 1}
+
+
+def test_one_degree_of_freedom_of_each_kind():
+    def kind(c, k):
+        return modes(system([[1.0]], [[c]], [[k]])).kind[0]
+
+    assert [kind(0.1, 1), kind(0, 0), kind(3, 1), kind(-0.1, 1), kind(0, -1), kind(1, 0)] == [
+        "vibration", "rigid", "overdamped", "flutter", "divergence", "rigid",
+    ]  # fmt: skip
+    r = modes(system([[1.0]], [[3.0]], [[1.0]]))
+    assert np.allclose(r.roots, [(-3 + 5**0.5) / 2, (-3 - 5**0.5) / 2], rtol=1e-15)
+    assert r.damping[0] == 1.0 and r.frequency_damped[0] == 0.0
+
+
+@pytest.mark.parametrize("g", [0.3, 30.0, 1e6])
+def test_gyroscopic_rotor_splits_into_forward_and_backward_whirl(g):
+    k = 4.0
+    r = modes(system(np.eye(2), None, k * np.eye(2), G=[[0, g], [-g, 0]]))
+    forward = g / 2 + np.sqrt(g * g / 4 + k)
+    assert r.stats.route == "gyroscopic conservative"
+    assert np.all(r.eigenvalue.real == 0.0)
+    error = np.abs(r.omega / [k / forward, forward] - 1)
+    print(f"g = {g}: relative errors {error}")
+    assert error.max() < 1e-14
+    assert np.allclose(np.abs(r.shape), np.sqrt(0.5), rtol=1e-12)  # circular orbits
+
+
+def test_gyroscopically_stabilised_top():
+    # K < 0: s^4 + (g^2 - 2) s^2 + 1 = 0 for M = 1, K = -1
+    r = modes(system(np.eye(2), None, -np.eye(2), G=[[0, 3.0], [-3.0, 0]]))
+    assert np.allclose(r.omega, [(3 - 5**0.5) / 2, (3 + 5**0.5) / 2], rtol=1e-14)
+    assert np.all(r.eigenvalue.real == 0.0) and not r.unstable.any()
+
+
+@pytest.mark.parametrize("load", [1.0, 2.08, 2.09, 4.0, 4.92])
+def test_flutter_of_zieglers_column(load):
+    # masses 2 and 1, unit links and springs, follower force P: the determinant is 2 w^2 + (2 P - 7) w + 1, w = -s^2,
+    # hence flutter between P = 7/2 - sqrt 2 and 7/2 + sqrt 2
+    S = np.array([[2 - load, load - 1], [-1, 1]])
+    r = modes(system([[3.0, 1.0], [1.0, 1.0]], None, (S + S.T) / 2, N=(S - S.T) / 2))
+    w = np.roots([2, 2 * load - 7, 1]).astype(complex)
+    expected = np.sqrt(-w)
+    got = np.concatenate([r.roots, -r.roots])
+    assert all(np.abs(got - e).min() < 1e-12 for e in expected)
+    inside = abs(load - 3.5) < np.sqrt(2)
+    assert (("flutter" in r.kind) == inside) and (("divergence" in r.kind) == (load > 4.9))
+    assert r.left is not None
+
+
+# --- real roots, rigid modes, near-defective roots
+
+
+def test_overdamped_modes_keep_one_pair_for_each_degree_of_freedom():
+    C, K = np.diag([5.0, 5.0, 6.0, 0.1]), np.diag([1.0, 1.0, 2.0, 4.0])
+    q = np.linalg.qr(np.random.default_rng(0).standard_normal((4, 4)))[0]
+    r = modes(system(np.eye(4), q @ C @ q.T, q @ K @ q.T))
+    assert list(r.kind) == ["overdamped"] * 3 + ["vibration"]
+    pairs = r.roots.reshape(-1, 2)
+    assert np.allclose(pairs[:2].sum(axis=1), -5) and np.allclose(pairs[2].sum(), -6)
+    assert r.groups == ((0, 1),)
+
+
+def test_overdamped_roots_of_coupled_damping_pair_by_shape():
+    C, K = np.array([[5.0, 0.1, 0], [0.1, 6, 0.3], [0, 0.3, 4]]), np.diag([1.0, 2.0, 1.0])
+    r = modes(system(np.eye(3), C, K))
+    pairs = r.roots.reshape(-1, 2).real
+    # each pair stays near the root pair of its own diagonal entry
+    for c, k in zip(np.diag(C), np.diag(K), strict=True):
+        own = np.roots([1, c, k])
+        assert np.abs(pairs - np.sort(own)[::-1]).sum(axis=1).min() < 0.3
+    assert np.allclose(np.sort(r.roots.real), np.sort(np.linalg.eigvals(state_matrix(r.system)).real), rtol=1e-12)
+    # roots of positive sign come first in each pair
+    for i, x in enumerate(r.shape.real.T):
+        assert x @ (2 * pairs[i, 0] * np.eye(3) + C) @ x > 0
+
+
+def free_beam(damped: bool) -> MechanicalSystem:
+    """Three bodies in space in a row, joined by two bushings: six rigid modes."""
+
+    def cross(v):
+        return np.array([[0, -v[2], v[1]], [v[2], 0, -v[0]], [-v[1], v[0], 0.0]])
+
+    def at(r):
+        return np.block([[np.eye(3), -cross(r)], [np.zeros((3, 3)), np.eye(3)]])
+
+    M = np.kron(np.eye(3), np.diag([2.0, 2.0, 2.0, 0.01, 0.02, 0.025]))
+    rows = np.zeros((12, 18))
+    for i in range(2):
+        rows[6 * i : 6 * i + 6, 6 * i : 6 * i + 6] = -at(np.array([0.1, 0.02, 0.0]))
+        rows[6 * i : 6 * i + 6, 6 * i + 6 : 6 * i + 12] = at(np.array([-0.1, 0.02, 0.0]))
+    k = np.array([1e5, 1e5, 2e5, 30.0, 40.0, 50.0] * 2)
+    c = np.array([10.0, 0, 0, 0, 0.1, 0] * 2)
+    return system(M, rows.T @ np.diag(c) @ rows if damped else None, rows.T @ np.diag(k) @ rows)
+
+
+@pytest.mark.parametrize("damped", [False, True])
+def test_free_free_system_has_exactly_six_rigid_modes(damped):
+    s = free_beam(damped)
+    r = modes(s)
+    assert list(r.kind[:6]) == ["rigid"] * 6 and "rigid" not in r.kind[6:]
+    assert np.all(r.eigenvalue[:6] == 0) and np.all(r.roots[:12] == 0) and np.all(np.isnan(r.damping[:6]))
+    assert r.groups[0] == (0, 1, 2, 3, 4, 5)
+    x = r.shape[:, :6]
+    assert np.allclose(x.conj().T @ s.M @ x, np.eye(6), atol=1e-12)
+    assert np.abs(s.K @ x).max() < 1e-9 * np.abs(s.K).max()
+    assert np.all(r.error[6:] < 1e-10)
+
+
+def test_free_body_on_a_damper_has_one_zero_root():
+    s = system(np.eye(2), np.diag([0.5, 0.0]), [[1.0, -1.0], [-1.0, 1.0]])
+    r = modes(s)
+    assert list(r.kind) == ["rigid", "vibration"]
+    assert r.roots[0] == 0 and r.roots[1].imag == 0 and r.roots[1].real < 0
+    assert np.isclose(r.roots.sum().real, -0.5, rtol=1e-14)
+
+
+def test_particle_in_a_magnetic_field():
+    r = modes(system(np.eye(2), None, np.zeros((2, 2)), G=[[0, 3.0], [-3.0, 0]]))
+    assert list(r.kind) == ["rigid", "vibration"] and np.allclose(r.roots, [0, 0, 3j, -3j])
+    r = modes(system(np.eye(2), None, np.diag([0.0, 1.0]), G=[[0, 3.0], [-3.0, 0]]))
+    assert list(r.kind) == ["rigid", "vibration"] and np.allclose(r.roots, [0, 0, 10**0.5 * 1j, -(10**0.5) * 1j])
+
+
+def test_rigid_direction_under_a_follower_force():
+    S = np.array([[0, 1.0, 0], [0, 2, -1], [0, -1, 2]])
+    for C in (None, np.diag([0.1, 0, 0.2])):
+        s = system(np.eye(3), C, (S + S.T) / 2, N=(S - S.T) / 2)
+        r = modes(s)
+        assert list(r.kind) == ["rigid", "vibration", "vibration"]
+        expected = np.linalg.eigvals(state_matrix(s))
+        assert all(np.abs(expected - root).min() < 1e-7 for root in r.roots)
+
+
+@pytest.mark.parametrize("excess", [0.0, 1e-15, -1e-15, 1e-13])
+def test_critical_damping_is_flagged(excess):
+    for s in (
+        system([[1.0]], [[2.0 * (1 + excess)]], [[1.0]]),
+        system(np.eye(2), [[2.0 * (1 + excess), 0.0], [0.0, 0.1]], [[1.0, 1e-9], [1e-9, 3.0]]),
+    ):
+        r = modes(s)
+        assert r.near_defective[0] and not r.near_defective[1:].any()
+        print(f"critical damping {excess:+.0e}: |s + 1| = {abs(r.eigenvalue[0] + 1):.1e}")
+        assert abs(r.eigenvalue[0] + 1) < 1e-6
+        for a in (r.eigenvalue, r.roots, r.shape, r.frequency, r.damping, r.error, r.condition):
+            assert not np.any(np.isnan(a))
+    assert not modes(system([[1.0]], [[2.0 * (1 - 1e-6)]], [[1.0]])).near_defective[0]
+
+
+# --- hard cases
+
+
+def test_stiffness_ratio_of_1e12():
+    springs = np.array([1.0, 1e12, 1.0, 1e6, 2.0])
+    rows = np.array([[1.0, 0, 0, 0], [-1, 1, 0, 0], [0, -1, 1, 0], [0, 0, -1, 1], [0, 0, 0, 1]])
+    factor = np.sqrt(springs)[:, None] * rows
+    exact = system(np.eye(4), None, rows.T @ np.diag(springs) @ rows)
+    r = modes(exact, stiffness_factor=factor)
+    errors = relative_errors(r.roots[::2], exact)
+    print(f"stiffness ratio 1e12: with factor {errors}, estimated {r.error}")
+    assert errors.max() < 1e-9
+    assembled = modes(exact)
+    plain = relative_errors(assembled.roots[::2], exact)
+    print(f"   assembled {plain}, estimated {assembled.error}")
+    assert np.all(plain <= 10 * assembled.error + 10 * EPS)
+    assert assembled.condition[0] > 1e11  # the result says what the assembled matrix has lost
+
+
+def test_damped_system_with_stiffness_ratio_of_1e12():
+    K = np.diag([1.0, 1e12, 1e6]) + 0.1
+    s = system(np.eye(3), np.diag([0.1, 0, 0]), K)
+    r = modes(s)
+    errors = relative_errors(r.roots, s)
+    print(f"graded stiffness 1e12, damped: {errors}")
+    assert errors.max() < 1e-13
+
+
+@pytest.mark.parametrize("damping", [None, np.diag([1e-3, 0.1, 0.0])])
+@pytest.mark.parametrize("light", [True, False])
+def test_mass_ratio_of_1e9(light, damping):
+    M = np.diag([1e-9, 1.0, 1.0]) if light else np.diag([1e9, 1.0, 1.0])
+    s = system(M, damping, [[2.0, -1.0, 0.0], [-1.0, 2.0, -1.0], [0.0, -1.0, 2.0]])
+    r = modes(s)
+    errors = relative_errors(r.roots, s)
+    print(f"mass ratio 1e9, light {light}: {errors}")
+    assert errors.max() < 1e-12
+
+
+@pytest.mark.parametrize("c", [1e2, 1e5, 1e8])
+def test_heavy_damping_keeps_small_roots(c):
+    for s in (
+        system(np.eye(2), c * np.array([[1, -0.5], [-0.5, 2]]), [[3.0, -1], [-1, 2]]),
+        system(np.eye(3), np.diag([c, 0.1, 0]), [[3.0, -1, 0], [-1, 2, -1], [0, -1, 3]]),
+    ):
+        r = modes(s)
+        errors = relative_errors(r.roots, s)
+        print(f"damping {c:.0e}: {errors.max():.1e}")
+        assert errors.max() < 1e-12
+
+
+def test_units_do_not_matter():
+    """The same system in metres, in millimetres and in mixed units has the same roots and groups."""
+    rng = np.random.default_rng(5)
+    s = free_beam(True)
+    base = modes(s)
+    for unit in (np.full(18, 1e-3), 10.0 ** rng.uniform(-4, 4, 18)):
+        scale = np.outer(unit, unit)
+        r = modes(system(s.M * scale, s.C * scale, s.K * scale))
+        assert np.allclose(r.eigenvalue, base.eigenvalue, rtol=1e-11, atol=0)
+        assert list(r.kind) == list(base.kind) and [len(g) for g in r.groups] == [len(g) for g in base.groups]
+
+
+# --- random systems
+
+
+def random_system(rng: np.random.Generator, i: int) -> MechanicalSystem:
+    n = int(rng.integers(1, 8))
+    M = spd(rng, n) if i % 3 else np.diag(10.0 ** rng.uniform(-3, 3, n))
+    K = spd(rng, n)
+    C = G = N = None
+    match i % 12:
+        case 1:
+            C = 0.1 * M + 0.01 * K
+        case 2:
+            C = spd(rng, n, 0.0)
+        case 3:
+            G = skew(rng, n)
+        case 4:
+            C, G = spd(rng, n, 0.0), skew(rng, n)
+        case 5:
+            C, N = 0.3 * spd(rng, n), skew(rng, n)
+        case 6:
+            row = rng.standard_normal((int(rng.integers(0, n + 1)), n))
+            K = row.T @ row  # singular: rigid modes
+        case 7:
+            row = rng.standard_normal((max(n - 2, 0), n))
+            K, C = row.T @ row, np.outer(rng.standard_normal(n), np.ones(n))
+            C = C @ C.T
+        case 8:
+            C = 10.0 ** rng.uniform(0, 4) * spd(rng, n, 0.0)
+        case 9:
+            K = rng.integers(-3, 4, (n, n)).astype(float)
+            K, C = K + K.T, np.diag(rng.integers(0, 3, n)).astype(float)  # indefinite, often singular or repeated
+        case 10:
+            M, K, C = (
+                np.eye(n),
+                np.diag(rng.integers(0, 3, n)).astype(float),
+                np.diag(rng.integers(0, 4, n)).astype(float),
+            )
+        case 11:
+            K = np.diag(10.0 ** rng.uniform(-6, 6, n))
+            N = skew(rng, n)
+    return system(M, C, K, G=G, N=N)
+
+
+@pytest.mark.slow
+def test_ten_thousand_random_systems():
+    rng = np.random.default_rng(20)
+    worst, routes = 0.0, set()
+    for i in range(10_000):
+        s = random_system(rng, i)
+        r = modes(s)
+        assert r.n == s.n and r.roots.shape == (2 * s.n,) and set(r.kind) <= set(KINDS)
+        assert np.all(np.isfinite(r.roots)) and np.all(np.isfinite(r.shape))
+        assert np.all(np.diff(r.omega) >= -1e-7 * r.omega[1:])
+        m, d, _ = parts(s)
+        total = -np.trace(np.linalg.solve(m, d))
+        assert abs(r.roots.sum() - total) <= 1e-7 * (np.abs(r.roots).sum() + abs(total)), (i, r.roots, total)
+        ratio = lapack_ratio(r, s)
+        assert ratio < 30, (i, ratio, r)
+        worst = max(worst, ratio)
+        routes.add(r.stats.route)
+    print(f"largest LAPACK-style ratio {worst:.2f} over {sorted(routes)}")
+    assert routes == {
+        "undamped", "proportional", "general damping", "gyroscopic", "gyroscopic conservative", "circulatory",
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize("n", [2, 5, 40])
+@pytest.mark.parametrize("present", ["", "C", "G", "CG", "CGN", "N"])
+def test_against_scipy(n, present):
+    rng = np.random.default_rng(n)
+    make = {"C": lambda: spd(rng, n), "G": lambda: skew(rng, n), "N": lambda: skew(rng, n)}
+    s = system(spd(rng, n), K=spd(rng, n), **{name: make[name]() for name in present})
+    r = modes(s)
+    expected = sl.eig(state_matrix(s), right=False)
+    distance = np.abs(expected[:, None] - r.roots[None, :])
+    assert max(distance.min(axis=0).max(), distance.min(axis=1).max()) < 1e-10 * np.abs(expected).max()
+    m, d, _ = parts(s)
+    for i, e in enumerate(r.eigenvalue):
+        psi = r.shape[:, i] if r.left is None else r.left[:, i]
+        slope = psi @ (2 * e * m + d) @ r.shape[:, i]
+        if e.imag > 0:
+            assert np.isclose(slope, 2j * e.imag, rtol=1e-9)
+        else:
+            assert np.isclose(r.shape[:, i].conj() @ m @ r.shape[:, i], 1.0, rtol=1e-10)
+
+
+@pytest.mark.slow
+def test_error_estimate_is_within_its_band():
+    """Error of the algorithm and of one more rounding of the entries over the estimate: never above 10, in [.001, 10] in 95 %.
+
+    The estimate holds four roundings of every term that all add up, so that the true error is a few per cent of it.
+    """
+    rng = np.random.default_rng(7)
+    ratios = []
+    for i in range(200):
+        n = 3
+        C = 0.2 * spd(rng, n, 0.0) if i % 2 else None
+        s = system(spd(rng, n), C, 10.0 ** rng.uniform(0, 4) * spd(rng, n, 0.01))
+        r = modes(s)
+        k = int(rng.integers(n))
+        stored = relative_errors(r.eigenvalue[k : k + 1], s, 30)[0]
+        with mp.workdps(40):
+            exact = [system_roots(s), system_roots(s, rng)]
+            nearest = [min(roots, key=lambda z: abs(z - mp.mpc(complex(r.eigenvalue[k])))) for roots in exact]
+            data = float(abs(nearest[1] - nearest[0]) / abs(nearest[0]))
+        ratios.append((stored + data) / r.error[k])
+    ratios = np.array(ratios)
+    inside = np.mean((ratios >= 0.001) & (ratios <= 10))
+    print(f"true/estimated: median {np.median(ratios):.2f}, in band {100 * inside:.1f} %, largest {ratios.max():.1f}")
+    assert inside >= 0.95 and ratios.max() <= 10
+
+
+def system_roots(s: MechanicalSystem, rng: np.random.Generator | None = None) -> list:
+    """Exact roots of a system, or of one whose entries are moved by less than their rounding, in 40 digits."""
+    made = [None if a is None else mp.matrix(a.tolist()) for a in (s.M, s.C, s.K)]
+    if rng is not None:
+        for a in made:
+            for i in range(s.n):
+                for j in range(i + 1):
+                    if a is not None:
+                        a[i, j] = a[j, i] = a[i, j] * (1 + mp.mpf(rng.uniform(-1.0, 1.0)) * EPS / 2)
+    m, d, k = made[0], made[1] if made[1] is not None else mp.zeros(s.n), made[2]
+    inverse, a = m**-1, mp.zeros(2 * s.n)
+    low, high = -inverse * k, -inverse * d
+    for i in range(s.n):
+        a[i, s.n + i] = 1
+        for j in range(s.n):
+            a[s.n + i, j], a[s.n + i, s.n + j] = low[i, j], high[i, j]
+    return list(mp.eig(a, left=False, right=False))
+
+
+# --- conventions
+
+
+def test_signs_and_bases_do_not_depend_on_rounding():
+    s = cubic_hexapod(0.2, 1e5, 30.0, 20.0, 0.15)
+    base = modes(s)
+    rng = np.random.default_rng(2)
+    for _ in range(5):
+        noise = 1 + 1e-15 * rng.standard_normal((6, 6))
+        r = modes(system(s.M, s.C, s.K * (noise + noise.T) / 2))
+        assert np.allclose(r.shape, base.shape, atol=1e-8)
+    for x in base.shape.T:
+        size = np.abs(x)
+        assert x[np.argmax(size >= (1 - 1e-6) * size.max())] > 0
+
+
+def test_repeated_complex_roots_have_orthogonal_shapes():
+    """Two equal copies of a non-proportionally damped pair of masses, mixed by a rotation that no solver expects."""
+    c, k = np.array([[0.3, 0], [0, 0]]), np.array([[3.0, -1], [-1, 2]])
+    q = np.linalg.qr(np.random.default_rng(3).standard_normal((4, 4)))[0]
+    s = system(np.eye(4), q @ np.kron(np.eye(2), c) @ q.T, q @ np.kron(np.eye(2), k) @ q.T)
+    r = modes(s)
+    assert r.groups == ((0, 1), (2, 3)) and r.stats.route == "general damping"
+    for group in r.groups:
+        x, e = r.shape[:, list(group)], r.eigenvalue[group[0]]
+        assert np.allclose(x.T @ (2 * e * s.M + s.C) @ x, 2j * e.imag * np.eye(2), atol=1e-10)
+    assert lapack_ratio(r, s) < 30
+
+
+def test_number_of_modes():
+    s = cubic_hexapod(0.2, 1e5, 30.0, 20.0, 0.15)
+    r = modes(s, n=2)
+    assert r.n == 2 and r.shape.shape == (6, 2) and r.roots.shape == (12,)
+    assert r.groups == ((0, 1),) and r.cut_group == (0, 1)
+    assert modes(s, n=3).cut_group == () and modes(s, n=99).n == 6
+
+
+def test_effects_are_left_out():
+    rng = np.random.default_rng(1)
+    s = system(spd(rng, 3), spd(rng, 3), spd(rng, 3), G=skew(rng, 3), N=skew(rng, 3))
+    full = modes(s)
+    assert full.stats.effects == ("damping", "gyroscopic", "circulatory")
+    r = modes(s, without=("damping", "gyroscopic", "circulatory"))
+    assert r.stats.route == "undamped" and "general eigensolutions" not in r.stats.counts
+    assert not np.allclose(r.frequency, full.frequency)
+    assert modes(s, without=("damping", "circulatory")).stats.route == "gyroscopic conservative"
+    zero = np.zeros((3, 3))
+    assert modes(system(s.M, zero, s.K, G=zero, N=zero)).stats.route == "undamped"
+
+
+def test_result_prints_saves_and_labels(tmp_path):
+    import pickle
+
+    r = modes(cubic_hexapod(0.2, 1e5, 30.0, 20.0, 0.15))
+    text = str(r)
+    assert "15.9155" in text and "zeta" in text and "residual" in text and "proportional" in text
+    assert "<table" in r._repr_html_()
+    general = modes(system(np.eye(2), np.diag([0.3, 0]), [[2.0, -1], [-1, 2]]))
+    assert "only for underdamped proportional damping" in str(general)
+    back = pickle.loads(r.save(tmp_path / "r.pkl").read_bytes())
+    assert np.array_equal(back.shape, r.shape) and back.stats.route == r.stats.route
+    data = r.to_xarray()
+    assert dict(data.sizes) == {"mode": 6, "coordinate": 6, "root": 12}
+    assert np.allclose(data["frequency"], r.frequency) and data["group"].values.tolist() == [1, 1, 1, 2, 2, 0]
+    energy = r.energy()
+    assert np.allclose(energy.kinetic.sum(axis=0), 1) and np.allclose(energy.strain.sum(axis=0), 1)
+    assert "kinetic" in str(energy)
+
+
+def test_body_shapes_and_energy_through_the_maps_of_a_linearisation():
+    s = cubic_hexapod(0.2, 1e5, 30.0, 20.0, 0.15)
+    s.bodies, s.T = ("payload",), np.eye(6)
+    s.body_mass_matrices = s.M[None]
+    r = modes(s)
+    assert np.array_equal(r.body_shape("payload"), r.shape.astype(complex))
+    assert np.allclose(r.energy().kinetic_body, 1) and "payload" in str(r)
+    with pytest.raises(NameNotFoundError, match="payload"):
+        r.body_shape("load")
+
+
+def test_mac():
+    r = modes(cubic_hexapod(0.2, 1e5, 30.0, 20.0, 0.15))
+    assert np.allclose(r.mac(r, weight=r.system.M), np.eye(6), atol=1e-12)
+    assert np.allclose(np.diag(mac(r.shape * 2j, r)), 1)
+    with pytest.raises(ModelError, match="coordinates"):
+        mac(r, np.eye(3))
+    with pytest.raises(ModelError, match="finite"):
+        mac(np.full((2, 2), np.nan), np.eye(2))
+
+
+# --- bad input
+
+
+def test_massless_coordinates_are_named():
+    names = ["a", "b", "c"]
+    with pytest.raises(SingularError, match="coordinate 'b'"):
+        modes(MechanicalSystem(np.diag([1.0, 0, 1]), None, np.eye(3), coordinates=names))
+    with pytest.raises(SingularError, match="coordinate 'c'"):
+        modes(MechanicalSystem([[1.0, 0, 1], [0, 1, 0], [1, 0, 1]], None, np.eye(3), coordinates=names))
+    with pytest.raises(SingularError, match="not positive definite"):
+        modes(MechanicalSystem([[1.0, 2], [2, 1.0]], None, np.eye(2)))
+
+
+def test_wrong_input_is_refused():
+    eye = np.eye(2)
+    unsymmetric = [[1.0, 2.0], [0.0, 1.0]]
+    with pytest.raises(ModelError, match="NaN"):
+        modes(system(eye, None, [[np.nan, 0], [0, 1]]))
+    with pytest.raises(ModelError, match=r"K is not symmetric.*skew part as N"):
+        modes(system(eye, None, unsymmetric))
+    with pytest.raises(ModelError, match=r"C is not symmetric.*skew part as G"):
+        modes(system(eye, unsymmetric, eye))
+    with pytest.raises(ModelError, match="G is not skew"):
+        modes(system(eye, None, eye, G=eye))
+    with pytest.raises(ModelError, match="mass matrix must be symmetric"):
+        modes(system(unsymmetric, None, eye))
+    for n in (0, -1, 1.5, True, "3"):
+        with pytest.raises(ModelError, match="positive number of modes"):
+            modes(system(eye, None, eye), n=n)
+    with pytest.raises(ModelError, match="effects of a MechanicalSystem"):
+        modes(system(eye, None, eye), without="gravity")
+    with pytest.raises(ModelError, match="at="):
+        modes(system(eye, None, eye), at=object())
+    for factor in (np.ones((2, 3)), np.array([[np.nan, 1.0]]), "x", []):
+        with pytest.raises(ModelError, match="factor"):
+            modes(system(eye, None, eye), stiffness_factor=factor)
+
+
+@pytest.mark.parametrize("rod_first", [True, False])
+def test_the_coordinate_without_inertia_is_named(rod_first):
+    """A rod without axial inertia behind a hub that has some: the rod is to blame, in any order of definition."""
+    m = mb.Model("rod")
+
+    def add(what):
+        if what == "rod":
+            return m.body("rod", mass=0.7, inertia=(0, 0.05, 0.05), at=(0.3, 0, 0), com=(0.3, 0, 0))
+        hub = m.body("hub", mass=1.3, inertia=(0.013, 0.011, 0.012))
+        m.revolute("spin", m.ground, hub, at=(0, 0, 0), axis="x")
+        return hub
+
+    for what in ("rod", "hub") if rod_first else ("hub", "rod"):
+        add(what)
+    m.bushing("k", "hub", "rod", at=(0.3, 0, 0), k=(1e5, 1.1e5, 1.2e5, 1e3, 1.3e3, 1.4e3))
+    with pytest.raises(mb.SingularError, match=r"'rod\.rx' carries no inertia"):
+        mb.modes(m)
+
+
+def test_the_dominant_body_comes_with_its_direction():
+    modes = mb.modes(mb.examples.cubic_hexapod())
+    columns, rows = modes.rows()
+    named = [row[columns.index("dominant")] for row in rows]
+    assert sorted(named[:3]) == ["payload x", "payload y", "payload z"] and named[5] == "payload rz"

@@ -1,0 +1,79 @@
+"""Motions beside inflow that advances with its own steps: steady ends, restart, coupling."""
+
+from __future__ import annotations
+
+import mbrs as mb
+import numpy as np
+import pytest
+from air_models import rotor
+
+STEP = 2 * np.pi / 2.1 / 24
+
+
+def thrust(inflow, t, **more):
+    options = {"steps": 24} if inflow == "dynamic-inflow" else {"steps": 24, "tail_turns": 2.0}
+    m, blade = rotor(inflow=inflow, sections=6, options=options, **more)
+    return m, blade, mb.simulate(m, t=np.asarray(t), rtol=1e-6)
+
+
+def test_dynamic_inflow_of_a_steady_rotor_is_that_of_momentum():
+    _, _, traj = thrust("dynamic-inflow", [0.0, 1.7 * STEP, 3.3 * STEP])
+    m, _ = rotor(inflow="bem", sections=6)
+    exact = mb.simulate(m, t=[0.0], rtol=1e-6).thrust[0]
+    assert traj.thrust == pytest.approx(exact, rel=1e-6)
+
+
+@pytest.mark.slow
+def test_a_motion_goes_on_with_its_wake():
+    t = np.array([0.0, 1.0, 1.6, 2.3, 3.0]) * STEP
+    m, _, whole = thrust("free-wake", t)
+    first = mb.simulate(m, t=t[:3], rtol=1e-6)
+    second = mb.simulate(m, t=t[3:], rtol=1e-6, at=first.state())
+    assert second.thrust == pytest.approx(whole.thrust[3:], rel=1e-7)
+    assert len(whole.wake.filaments) == 4 and np.ptp(whole.thrust) < 0.05 * whole.thrust[0]
+
+
+@pytest.mark.slow
+def test_a_prescribed_wake_gives_what_it_gives_a_rigid_rotor():
+    _, blade, traj = thrust("prescribed-wake", [0.0, STEP])
+    made = mb.aero.rotor(blade, 3, hub_radius=1.5, tip_radius=18.0)
+    exact = mb.aero.rotor_wake(made, 2.1 * 18.0 / 9.0, inflow="prescribed-wake", strips=6, tail_turns=2.0)
+    assert traj.thrust[-1] == pytest.approx(exact.thrust * 1.225 * np.pi * 18.0**2 * (2.1 * 18.0) ** 2, rel=0.03)
+
+
+def test_loose_coupling_tends_to_tight_coupling():
+    """One blade in sheared wind: its loads vary within a turn. Halved steps leave less than half of the difference."""
+
+    def thrusts(coupling, steps):
+        options = {"steps": steps}
+        m, _ = rotor(inflow="dynamic-inflow", sections=4, count=1, options=options, coupling=coupling, shear=0.9)
+        return mb.simulate(m, t=np.array([2.0, 4.0, 6.0]) * STEP, rtol=1e-7)
+
+    apart = []
+    for steps in (12, 24):
+        loose, tight = thrusts("loose", steps), thrusts("tight", steps)
+        assert loose.stats.counts["wake rounds"] == loose.stats.counts["wake windows"] == steps // 4
+        assert tight.stats.counts["wake rounds"] > steps // 4
+        apart.append(np.max(np.abs(loose.thrust - tight.thrust)))
+    assert 0.0 < apart[1] < 0.5 * apart[0] < 0.01 * np.max(np.abs(tight.thrust))
+
+
+@pytest.mark.parametrize(
+    ("options", "words"), [({"stps": 24}, "no option 'stps'; known: steps"), ({"steps": 3}, "from 12 to 720")]
+)
+def test_options_that_are_unknown_or_wrong_are_named(options, words):
+    m, _ = rotor(inflow="dynamic-inflow", sections=4, options=options)
+    with pytest.raises(mb.ModelError, match=words):
+        mb.simulate(m, t=0.1)
+
+
+def test_absolute_coordinates_have_no_steps_of_a_wake():
+    m, _ = rotor(inflow="dynamic-inflow", sections=4)
+    with pytest.raises(mb.ModelError, match='takes inflow "none" or "bem", not \'dynamic-inflow\''):
+        mb.simulate(m, t=0.1, coordinates="absolute")
+
+
+def test_a_rotor_that_stands_has_no_wake():
+    m, _ = rotor(inflow="free-wake", sections=4, speed=0.0)
+    with pytest.raises(mb.ModelError, match="turns about its axis"):
+        mb.simulate(m, t=1.0)
