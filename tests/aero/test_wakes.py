@@ -148,6 +148,7 @@ def test_convection_is_of_second_order():
     assert 3.5 < errors[0] / errors[1] < 5.0, errors
 
 
+@pytest.mark.slow
 def test_a_lightly_loaded_rotor_is_that_of_momentum_theory():
     radius = 37.3
     x = np.linspace(0.15, 1.0, 18) * radius
@@ -162,6 +163,7 @@ def test_a_lightly_loaded_rotor_is_that_of_momentum_theory():
         assert few.thrust_coefficient == pytest.approx(more.thrust_coefficient, rel=0.01)
 
 
+@pytest.mark.slow
 @pytest.mark.exact
 def test_bits_of_a_free_wake_do_not_depend_on_threads():
     rotor = wind_turbine()

@@ -6,6 +6,7 @@ import re
 from pathlib import Path
 
 import mbrs as mb
+import pytest
 import numpy as np
 from click.testing import CliRunner
 from folders import DOCS
@@ -14,6 +15,7 @@ from mbrs.cli import main
 PAGE = (DOCS / "sweeps.md").read_text()
 
 
+@pytest.mark.slow
 def test_the_script_of_the_page_runs_and_goes_on(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     script = PAGE.split("```python\n")[1].split("```")[0].replace("n=200", "n=20")
