@@ -6,8 +6,8 @@ import re
 from pathlib import Path
 
 import mbrs as mb
-import pytest
 import numpy as np
+import pytest
 from click.testing import CliRunner
 from folders import DOCS
 from mbrs.cli import main
