@@ -11,7 +11,7 @@ from typing import Any
 import mbrs as mb
 import numpy as np
 import rivals_motion as rivals
-from linear import of_tests
+from tables import of_tests
 
 TOLERANCES = [1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9]
 # The error of a method of order 2 falls with the square of the step: tighter would take minutes. A method without a tangent
