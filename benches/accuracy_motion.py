@@ -206,4 +206,4 @@ def wind_rotor() -> Any:
     def unknown(t: np.ndarray) -> dict[str, np.ndarray]:
         return dict.fromkeys(("section1", "section2", "section3"), np.full((len(t), 3), np.nan))
 
-    return zoo.MotionProblem("wind rotor", mb.examples.wind_rotor(), 60.0 / 17.2, unknown, "none")
+    return zoo.MotionProblem("wind rotor", mb.examples.wind_rotor(air=12.0), 60.0 / 17.2, unknown, "none")
