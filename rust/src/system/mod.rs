@@ -13,6 +13,7 @@
 //! sparse      everything once more in absolute coordinates, for thousands of bodies
 //! rows        values and Jacobian of all constraint rows
 //! rank        which of them are redundant, decided once
+//! remoteness  rounding of places beside the arms of bodies
 //! islands     bodies that nothing connects
 //! singular_pose  where they depend on each other to first order only
 //! closure     from the drawing to closed loops
@@ -35,6 +36,7 @@ pub mod parts;
 pub mod path;
 pub mod placement;
 pub mod rank;
+pub mod remoteness;
 pub mod rows;
 pub mod singular_pose;
 pub mod sparse;
