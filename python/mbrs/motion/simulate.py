@@ -18,10 +18,10 @@ from .._lib.progress import Progress
 from ..errors import ConvergenceError, Interrupted, MbrsWarning, ModelError
 from ..model.tables import directions
 from ..results import Stats
+from ..system.air_flow import flows, require_covered
 from ..system.effects import LINEAR_ONLY, check_without, effects
 from ..system.snapshot import Snapshot
 from ..system.state import State, state_of
-from .air import flows, require_covered
 from .air_march import march, stepped
 from .amplification import warn_amplified
 from .trajectory import Trajectory
