@@ -277,7 +277,7 @@ def _reduced(
     # A free beam without interface has its rigid motions among its modes; with one the constraint modes hold them.
     inside = modes + (rigid if not fixed and len(interface) == 0 else 0)
     M, K = grid.assembled()
-    T, square = reduced_shapes(M, K, interface, held, inside, rigid, "beam")
+    T, square = reduced_shapes(M, K, interface, held, inside, rigid, "beam", grid.stiffness_of)
     mass, com, inertia = rigid_body(grid)
     line = np.stack([T[6 * i : 6 * i + 6] for i in range(len(grid.x))])
     at_nodes = list(at.values())
