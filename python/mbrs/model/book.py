@@ -29,6 +29,7 @@ STORES = (
     "gravity",
     "motion",
     "coupler",
+    "constraint",
     "flexible",
     "air",
     "section",
@@ -80,7 +81,7 @@ _TURNED: dict[str, Literal["axis", "orientation"]] = {"direction": "axis", "orie
 # Attributes of handles that the package uses and a user does not.
 _INTERNAL = frozenset(
     {"a", "a_node", "b", "b_node", "check", "check_together", "check_values", "code", "component", "described", "entries", "evaluated"}
-    | {"fields", "first", "first_coordinate", "flags", "function", "groups", "has", "index", "in_use", "joint", "lists", "model"}
+    | {"fields", "first", "first_coordinate", "flags", "function", "groups", "has", "index", "in_use", "joint", "lists", "model", "body", "n_rows", "of_velocities"}
     | {"modal_fields", "motion_fields", "motions", "n", "node_at", "node_point", "one_point", "owner", "place", "put", "recheck"}
     | {"second", "second_coordinate", "shapes", "size", "start", "store", "table", "take", "used", "uses", "values", "moves"}
     | {"moving", "add_nodes", "sections", "polars", "node_index", "coordinate", "frame", "place_now", "point_group"}
@@ -267,6 +268,7 @@ class Book:
         self.loads: list[Any] = []
         self.drives: list[Any] = []
         self.couplers: list[Any] = []
+        self.constraints: list[Any] = []
         self.markers: list[Any] = []
         self.airs: list[Any] = []
         self.motions: list[Any] = []

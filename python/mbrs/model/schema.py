@@ -438,7 +438,7 @@ ELEMENTS = {
     )
 }
 
-# --- loads, couplers ------------------------------------------------------------------------------------------
+# --- loads, couplers, constraints -----------------------------------------------------------------------------
 
 _LOAD = Block("load", [Field("at", (3,), "point", types=("force",)), Field("value", (3,), "force")])
 LOADS = {
@@ -456,6 +456,15 @@ COUPLER = Kind(
     "coupler",
     Block("coupler", [Field("ratio", (), "ratio"), Field("offset", (), "offset")]),
     _arguments("name first second ratio", "first_coordinate second_coordinate offset"),
+)
+CONSTRAINT = Kind(
+    "constraint", "constraint", Block("constraint", []), _arguments("name fun motions", fun="law", motions="data")
+)
+VELOCITY_CONSTRAINT = Kind(
+    "velocity_constraint",
+    "velocity_constraint",
+    Block("velocity_constraint", []),
+    _arguments("name fun motions", "d", fun="law", motions="data", d="motion"),
 )
 
 # --- flexible bodies ------------------------------------------------------------------------------------------
