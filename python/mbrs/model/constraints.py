@@ -9,6 +9,7 @@ import numpy as np
 
 from .book import Book, Group, Item
 from .drives import coordinate_of, find_joint
+from .expressions import Program
 from .function_calls import FunctionCall
 from .joint import Joint
 from .joints import free
@@ -148,16 +149,17 @@ def _motions(book: Book, name: str, motions: Any) -> list[tuple[int, int]]:
 
 
 def _motion(book: Book, name: str, motion: Any) -> tuple[int, int]:
-    where = f"{name}.motions"
-    if isinstance(motion, Port) or isinstance(motion, str) and ".motion." in motion:
-        return _of_body(book, name, as_port(book, motion))
     joint, coordinate = motion, None
     if isinstance(motion, str) and "." in motion:
         joint, _, coordinate = motion.rpartition(".")
+        if not isinstance(book.items.get(joint), Joint) and motion.count(".") != 1:
+            motion = as_port(book, motion)
     elif isinstance(motion, tuple) and len(motion) == 2:
         joint, coordinate = motion
-    elif not isinstance(motion, str | Joint):
-        raise problem(where, f"must be motions of bodies or coordinates of joints, got {shown(motion)}")
+    if isinstance(motion, Port):
+        return _of_body(book, name, as_port(book, motion))
+    if not isinstance(motion, str | tuple | Joint):
+        raise problem(f"{name}.motions", f"must be motions of bodies or coordinates of joints, got {shown(motion)}")
     found = find_joint(book, joint, name, "motions")
     return found.index, coordinate_of(found, coordinate, name, "motions")
 
@@ -246,11 +248,26 @@ def _body(made: Constraint, fun: Any, d: Any, derivatives: Any, where: str) -> l
     each = m + 1 if made.of_velocities else 1
     if not program.roots or len(program.roots) % each:
         raise problem(where, f"has a program of {len(program.roots)} results, which are not rows of {each}")
+    _check_felt(made, program, each, where)
     made.body, made.n_rows = (program.nodes, program.roots), len(program.roots) // each
     entries = [scalar(v, where) for v in numbers]
     made.n = len(entries)
     made.evaluated(entries)
     return entries
+
+
+def _check_felt(made: Constraint, program: Program, each: int, where: str) -> None:
+    """A row without any motion constrains nothing."""
+    from .. import _core
+
+    for i in range(0, len(program.roots), each):
+        row = program.roots[i : i + each]
+        if made.of_velocities:
+            felt = any(program.nodes[root] != (None, 0.0) for root in row[:-1])
+        else:
+            felt = any(_core.Program(program.nodes, row).uses()[1 : 1 + len(made.motions)])
+        if not felt:
+            raise problem(where, f"has row {i // each + 1}, which does not depend on any of its motions and constrains nothing")
 
 
 def _check_finite(made: Constraint, entries: Sequence[Number], where: str) -> None:
@@ -303,7 +320,7 @@ def constraint(
 
     Notes
     -----
-    The row J = Phi_u u_q enters every analysis as that of a joint (docs/theory.md, 3.4). Assembly closes it by the smallest change. Rows are
+    The row J = Phi_u u_q enters every analysis as that of a joint (docs/theory.md (3.12)). Assembly closes it by the smallest change. Rows are
     free of units: Phi over its change for a natural unit of its motions. Linear analyses and equilibrium take t = 0 and Phi_t = 0, as for a
     drive. Cost: m + 1 evaluations of the program for a gradient.
 

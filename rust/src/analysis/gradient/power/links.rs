@@ -324,8 +324,7 @@ impl<T: OnTape> Power<'_, '_, T> {
         let lift = |v: T| Dual::from_re(v);
         let time = lift(self.time);
         let mut u: Vec<_> = links.iter().map(|(_, row, ..)| lift(row.e)).collect();
-        let mut p: Vec<_> =
-            self.eq.x[spec.x..spec.x + spec.function.n_params()].iter().map(|v| lift(*v)).collect();
+        let mut p: Vec<_> = self.eq.x[spec.x..spec.x + spec.function.n_params()].iter().map(|v| lift(*v)).collect();
         let by = |rows: &[RowSlopes<Dual<T>>]| {
             let mut sum = T::zero();
             for (row, [alpha, beta, kappa]) in rows.iter().zip(&weights) {
