@@ -19,8 +19,12 @@ def scene():
     m.bushing("soft", one, two, at=(0.6, 0.0, 0.1), k=(30, 40, 50, 3, 2, 4), c=(0.3, 0.2, 0.1, 0.01, 0.01, 0.02))
     motions = [hinge, "eye.motion.x", "eye.motion.ry"]
     m.constraint("cam", lambda t, u: u[0] + a * u[1] * (1 + u[0]) - 0.1 * np.sin(w * t) * (1 + u[2] ** 2), motions)
-    m.velocity_constraint("row", lambda t, u: [1.0, -b * (u[2] + 0.4), 0.3 * u[0]], ["eye.motion.y", "two.motion.z", "eye.motion.rx"],
-                          d=lambda t, u: 0.05 * t * u[1])
+    m.velocity_constraint(
+        "row",
+        lambda t, u: [1.0, -b * (u[2] + 0.4), 0.3 * u[0]],
+        ["eye.motion.y", "two.motion.z", "eye.motion.rx"],
+        d=lambda t, u: 0.05 * t * u[1],
+    )
     return m
 
 
@@ -30,7 +34,9 @@ def test_gradients_by_everything(scheme):
     names = ["w", "a", "b", "ahead", "hinge.at[1]", "one.mass", "soft.k[1]"]
     quantity = mb.Integral(lambda s: s.position("two") @ s.position("two"))
     options = {"t": 0.3, "step": 5e-3, "scheme": scheme}
-    direct, adjoint = (mb.gradient(scene(), quantity, names, method=method, **options) for method in ("direct", "adjoint"))
+    direct, adjoint = (
+        mb.gradient(scene(), quantity, names, method=method, **options) for method in ("direct", "adjoint")
+    )
     size = float(np.abs(direct.gradient).max())
     print(direct.gradient, adjoint.gradient - direct.gradient)
     assert np.abs(adjoint.gradient - direct.gradient).max() < 1e-9 * size
@@ -46,5 +52,5 @@ def test_gradients_by_everything(scheme):
 
 def test_given_derivatives_are_refused_by_name():
     quantity = mb.Integral(lambda s: s.position("bob")[0])
-    with pytest.raises(mb.MbrsError, match="'rod'.*traced"):
+    with pytest.raises(mb.MbrsError, match=r"'rod'.*traced"):
         mb.gradient(pendulum("derivatives"), quantity, ["bob.mass"], t=0.1, step=1e-2)

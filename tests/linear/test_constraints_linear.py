@@ -32,7 +32,10 @@ def test_three_rows_are_a_ball_joint():
 
 def test_response_in_time_is_that_of_a_rod():
     t = np.linspace(0, 2, 41)
-    y = [mb.response(m, t, {"bob.force.x": np.sin(3 * t)}, ["bob.motion.z"], at=mb.equilibrium(m)) for m in map(pendulum, ("rod", "function"))]
+    y = [
+        mb.response(m, t, {"bob.force.x": np.sin(3 * t)}, ["bob.motion.z"], at=mb.equilibrium(m))
+        for m in map(pendulum, ("rod", "function"))
+    ]
     assert np.abs(y[1].value - y[0].value).max() < 1e-11 * np.abs(y[0].value).max()
 
 
@@ -94,7 +97,7 @@ def test_linear_analyses_hold_time_at_zero():
 
 def test_a_moving_state_with_time_in_its_rows_is_refused_by_name():
     m = driven_arm("function")
-    with pytest.raises(mb.MbrsError, match="'motor'.*changes with time.*simulate"):
+    with pytest.raises(mb.MbrsError, match=r"'motor'.*changes with time.*simulate"):
         mb.linearize(m, at=mb.simulate(m, t=0.3).state())
 
 

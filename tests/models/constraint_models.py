@@ -27,7 +27,9 @@ def pendulum(kind):
     """A body whose point keeps its distance "L" from a pivot, on a soft bushing: of a rod, or of a function of its motions."""
     m, body = bob()
     length = m.parameter("L", ROD, unit="m")
-    m.bushing("soft", m.ground, body, at=tuple(PIVOT + ARM), k=(20, 30, 10, 5, 7, 9), c=(0.1, 0.2, 0.1, 0.05, 0.02, 0.03))
+    m.bushing(
+        "soft", m.ground, body, at=tuple(PIVOT + ARM), k=(20, 30, 10, 5, 7, 9), c=(0.1, 0.2, 0.1, 0.05, 0.02, 0.03)
+    )
     motions = [body.motion("x"), "bob.motion.y", "bob.motion.z"]
     if kind == "rod":
         m.distance("rod", m.ground, body, at=(tuple(PIVOT), tuple(PIVOT + ARM)), length=length)
@@ -53,7 +55,9 @@ def ball(kind):
         m.spherical("ball", m.ground, body, at=place)
     else:
         m.constraint("ball", lambda t, u: u, [body.motion(axis, at=place) for axis in "xyz"])
-    m.bushing("soft", m.ground, body, at=tuple(PIVOT + ARM), k=(20, 30, 10, 5, 7, 9), c=(0.1, 0.2, 0.1, 0.05, 0.02, 0.03))
+    m.bushing(
+        "soft", m.ground, body, at=tuple(PIVOT + ARM), k=(20, 30, 10, 5, 7, 9), c=(0.1, 0.2, 0.1, 0.05, 0.02, 0.03)
+    )
     return m
 
 
@@ -74,7 +78,13 @@ class Bead:
         first = self.place(self.x0)
         slope = 0.8 * np.cos(2 * self.x0) + 0.3
         m = mb.Model("bead", gravity=tuple(self.gravity))
-        m.body("bead", mass=0.7, inertia=(0.01, 0.02, 0.015), at=tuple(first), velocity=tuple(self.v0 * self.R @ [1, slope, 0]))
+        m.body(
+            "bead",
+            mass=0.7,
+            inertia=(0.01, 0.02, 0.015),
+            at=tuple(first),
+            velocity=tuple(self.v0 * self.R @ [1, slope, 0]),
+        )
 
         def wire(t, u):
             p = self.R.T @ (u + first - self.start)

@@ -1,4 +1,4 @@
-"""Constraints given as functions in motion: against joints, drives, couplers, an equation derived by hand and a known nonholonomic point."""
+"""Constraints given as functions in motion: against joints, drives, couplers and an equation derived by hand."""
 
 from __future__ import annotations
 
@@ -43,7 +43,9 @@ def test_a_bead_on_a_curve(scheme):
 
 
 @pytest.mark.parametrize("scheme", EXACT)
-@pytest.mark.parametrize("kinds", [(pendulum, "rod", "function"), (pendulum, "rod", "derivatives"), (ball, "joint", "function")])
+@pytest.mark.parametrize(
+    "kinds", [(pendulum, "rod", "function"), (pendulum, "rod", "derivatives"), (ball, "joint", "function")]
+)
 def test_joints_and_functions_move_alike(scheme, kinds):
     make, *pair = kinds
     t = [0.0, 0.02, 0.04] if "derivatives" in pair else [0.0, 0.2, 0.4]
@@ -70,7 +72,9 @@ def test_a_row_of_velocities_is_a_knife_edge(scheme):
     assert np.abs(a.position("skate") - b.position("skate")).max() < 1e-7
     # the row of the joint points along the same direction
     force = np.abs(a.reaction("edge")[:, :3]).max()
-    assert np.linalg.norm(a.reaction("edge")[:, :3], axis=1) == pytest.approx(np.abs(b.constraint_force("edge")[:, 0]), abs=1e-6 * force)
+    assert np.linalg.norm(a.reaction("edge")[:, :3], axis=1) == pytest.approx(
+        np.abs(b.constraint_force("edge")[:, 0]), abs=1e-6 * force
+    )
 
 
 def test_rows_with_a_rate_of_their_own():
@@ -95,7 +99,9 @@ def chain(kind, n):
     for i in range(n):
         at = R @ np.array([0.1 * (i + 0.5), 0.02 * (i % 2), 0.01 * i])
         link = m.body(f"link{i}", mass=0.1, inertia=(1e-3, 2e-3, 2e-3), at=tuple(at))
-        m.revolute(f"hinge{i}", inner, link, at=tuple(at - 0.05 * R[:, 0]), axis=tuple(R[:, 2 if i % 2 else 1]), k=2.0, c=0.01)
+        m.revolute(
+            f"hinge{i}", inner, link, at=tuple(at - 0.05 * R[:, 0]), axis=tuple(R[:, 2 if i % 2 else 1]), k=2.0, c=0.01
+        )
         inner = link
     first, last = "hinge0", f"hinge{n - 1}"
     if kind == "coupler":

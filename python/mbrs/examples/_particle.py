@@ -20,8 +20,12 @@ def nonholonomic_particle(mass: float = 1.0, stiffness: float = 10.0, b: float =
     [-0.851974, 0.310797, -0.497328]
     """
     m = Model("nonholonomic particle")
-    p, k, r = m.parameter("m", mass, unit="kg"), m.parameter("k", stiffness, unit="N/m"), m.parameter("b", b, unit="1/m")
-    x, y, z = START
+    p, k, r = (
+        m.parameter("m", mass, unit="kg"),
+        m.parameter("k", stiffness, unit="N/m"),
+        m.parameter("b", b, unit="1/m"),
+    )
+    z = START[2]
     point = m.body("point", mass=p, inertia=(1, 1, 1), at=START, velocity=(SPEED, r * z * SPEED, 0))
     m.bushing("springs", m.ground, point, at=((0, 0, 0), START), k=(k, k, k, 0, 0, 0))
     motions = [point.motion("x"), point.motion("y"), point.motion("z")]

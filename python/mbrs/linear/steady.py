@@ -240,7 +240,7 @@ def _frame(snapshot: Snapshot, spin: Spin, state: State, found: dict[str, Any], 
 
 
 def _rates(snapshot: Snapshot, begin: State, driven: Mapping[int, float], without: tuple[str, ...]) -> np.ndarray:
-    """Rates of the tree coordinates: the given ones, those of drives, and what couplers, constraints and rolling make of both; zero elsewhere."""
+    """Rates of the tree coordinates: the given ones, those of drives, what couplers, constraints and rolling make of them; else zero."""
     rate = np.zeros(snapshot.system.n_tree)
     for index, value in driven.items():
         rate[index] = value

@@ -81,9 +81,10 @@ _TURNED: dict[str, Literal["axis", "orientation"]] = {"direction": "axis", "orie
 # Attributes of handles that the package uses and a user does not.
 _INTERNAL = frozenset(
     {"a", "a_node", "b", "b_node", "check", "check_together", "check_values", "code", "component", "described", "entries", "evaluated"}
-    | {"fields", "first", "first_coordinate", "flags", "function", "groups", "has", "index", "in_use", "joint", "lists", "model", "body", "n_rows", "of_velocities"}
+    | {"fields", "first", "first_coordinate", "flags", "function", "groups", "has", "index", "in_use", "joint", "lists", "model"}
     | {"modal_fields", "motion_fields", "motions", "n", "node_at", "node_point", "one_point", "owner", "place", "put", "recheck"}
     | {"second", "second_coordinate", "shapes", "size", "start", "store", "table", "take", "used", "uses", "values", "moves"}
+    | {"body", "n_rows", "of_velocities"}
     | {"moving", "add_nodes", "sections", "polars", "node_index", "coordinate", "frame", "place_now", "point_group"}
 )  # fmt: skip
 

@@ -141,7 +141,9 @@ def _restored(function: Any, derivatives: Any, d: Any, m: int, where: str, of_ve
 def _motions(book: Book, name: str, motions: Any) -> list[tuple[int, int]]:
     """(joint, coordinate) of each motion; motions of bodies and markers by a free joint to ground."""
     if isinstance(motions, str | Port | Joint) or not len(motions):
-        raise problem(f"{name}.motions", f"must be a list of motions such as ['bob.motion.x', 'hinge.rz'], got {shown(motions)}")
+        raise problem(
+            f"{name}.motions", f"must be a list of motions such as ['bob.motion.x', 'hinge.rz'], got {shown(motions)}"
+        )
     found = [_motion(book, name, motion) for motion in motions]
     if len(set(found)) < len(found):
         raise problem(f"{name}.motions", f"names a motion twice: {shown(motions)}")
@@ -205,8 +207,8 @@ def _add(book: Book, name: Any, fun: Any, motions: Any, d: Any, derivatives: Any
     made.of_velocities = of_velocities
     where = f"{name}.fun"
     counts = len(book.joints)
-    made.motions = _motions(book, name, motions)
     try:
+        made.motions = _motions(book, name, motions)
         entries = _body(made, fun, d, derivatives, where)
         _check_finite(made, entries, where)
     except BaseException:
@@ -244,7 +246,9 @@ def _body(made: Constraint, fun: Any, d: Any, derivatives: Any, where: str) -> l
             if not callable(one) and (key == "fun" or one is not None):
                 raise problem(f"{made.name}.{key}", f"must be a function of (t, u), got {shown(one)}")
         functions: list[Callable[..., Any]] = [fun] if d is None else [fun, d]
-        program, numbers = trace_rows(functions, m if m > 1 else 0, m if made.of_velocities else 1, where, made.of_velocities)
+        program, numbers = trace_rows(
+            functions, m if m > 1 else 0, m if made.of_velocities else 1, where, made.of_velocities
+        )
     each = m + 1 if made.of_velocities else 1
     if not program.roots or len(program.roots) % each:
         raise problem(where, f"has a program of {len(program.roots)} results, which are not rows of {each}")
@@ -267,7 +271,9 @@ def _check_felt(made: Constraint, program: Program, each: int, where: str) -> No
         else:
             felt = any(_core.Program(program.nodes, row).uses()[1 : 1 + len(made.motions)])
         if not felt:
-            raise problem(where, f"has row {i // each + 1}, which does not depend on any of its motions and constrains nothing")
+            raise problem(
+                where, f"has row {i // each + 1}, which does not depend on any of its motions and constrains nothing"
+            )
 
 
 def _check_finite(made: Constraint, entries: Sequence[Number], where: str) -> None:
@@ -276,7 +282,9 @@ def _check_finite(made: Constraint, entries: Sequence[Number], where: str) -> No
         return
     from .. import _core
 
-    values = _core.Program(*made.body).values([0.0] * (1 + len(made.motions)) + [float(v) for v in made.evaluated(entries)])
+    values = _core.Program(*made.body).values(
+        [0.0] * (1 + len(made.motions)) + [float(v) for v in made.evaluated(entries)]
+    )
     found = [values[root] for root in made.body[1]]
     if not np.all(np.isfinite(found)):
         raise problem(
@@ -289,9 +297,7 @@ def _check_finite(made: Constraint, entries: Sequence[Number], where: str) -> No
 # --- methods of `Model` -----
 
 
-def constraint(
-    self: Book, name: str, fun: Any, motions: Sequence[MotionOf], *, derivatives: Any = None
-) -> Constraint:
+def constraint(self: Book, name: str, fun: Any, motions: Sequence[MotionOf], *, derivatives: Any = None) -> Constraint:
     """A constraint of positions: Phi(t, u) = 0, u the motions that it names.
 
     Parameters
@@ -320,8 +326,8 @@ def constraint(
 
     Notes
     -----
-    The row J = Phi_u u_q enters every analysis as that of a joint (docs/theory.md (3.12)). Assembly closes it by the smallest change. Rows are
-    free of units: Phi over its change for a natural unit of its motions. Linear analyses and equilibrium take t = 0 and Phi_t = 0, as for a
+    The row J = Phi_u u_q enters every analysis as that of a joint (docs/theory.md (3.12)). Assembly closes it by the smallest change.
+    Rows are free of units: Phi over its change for a natural unit of its motions. Linear analyses and equilibrium take t = 0 and Phi_t = 0, as for a
     drive. Cost: m + 1 evaluations of the program for a gradient.
 
     Examples

@@ -48,7 +48,20 @@ if TYPE_CHECKING:
 # What `dir(model)` leaves out: attributes that the package uses and a user does not.
 _INTERNAL = frozenset(vars(Book("names"))) | {name for name in vars(Book) if not name.startswith("_")}
 _PUBLIC = frozenset(
-    {"name", "bodies", "joints", "elements", "loads", "drives", "couplers", "constraints", "markers", "airs", "tolerance", "units"}
+    {
+        "name",
+        "bodies",
+        "joints",
+        "elements",
+        "loads",
+        "drives",
+        "couplers",
+        "constraints",
+        "markers",
+        "airs",
+        "tolerance",
+        "units",
+    }
 )
 
 

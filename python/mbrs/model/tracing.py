@@ -82,14 +82,16 @@ def trace_rows(
     space = TraceSpace(m, rates=False)
     made = _called(functions[0], space, ("u",), where)
     flat = np.asarray(made, dtype=object)
-    if flat.size == 0 or flat.ndim > 2 or flat.size % width or width > 1 and flat.shape[-1] != width:
+    if flat.size == 0 or flat.ndim > 2 or flat.size % width or (width > 1 and flat.shape[-1] != width):
         raise problem(
             where,
             f"has the function {described(functions[0])}, which must return {_shape_of_rows(width)}, got {shown(made)}",
         )
     rows = flat.reshape(-1, width).tolist()
     if of_velocities:
-        right = np.asarray(_called(functions[1], space, ("u",), where) if functions[1:] else [0.0] * len(rows), dtype=object)
+        right = np.asarray(
+            _called(functions[1], space, ("u",), where) if functions[1:] else [0.0] * len(rows), dtype=object
+        )
         if right.size != len(rows):
             raise problem(where, f"has {len(rows)} rows, but d returns {right.size} numbers")
         rows = [[*row, last] for row, last in zip(rows, right.ravel().tolist(), strict=True)]
@@ -97,7 +99,9 @@ def trace_rows(
 
 
 def _shape_of_rows(width: int) -> str:
-    return "a number or a list of numbers" if width == 1 else f"({width},) numbers, one for each motion, or rows of them"
+    return (
+        "a number or a list of numbers" if width == 1 else f"({width},) numbers, one for each motion, or rows of them"
+    )
 
 
 def _called(function: Callable[..., Any], space: TraceSpace, names: tuple[str, ...], where: str) -> Any:
@@ -137,7 +141,11 @@ def _result(value: Any, space: TraceSpace, function: Any, where: str) -> Express
 
 
 def _remedy(reason: Exception, names: Sequence[str]) -> str:
-    return f"The function takes ({', '.join(['t', *names])}); {REMEDY}" if "argument" in str(reason) else REMEDY[0].upper() + REMEDY[1:]
+    return (
+        f"The function takes ({', '.join(['t', *names])}); {REMEDY}"
+        if "argument" in str(reason)
+        else REMEDY[0].upper() + REMEDY[1:]
+    )
 
 
 def described(function: Any) -> str:
