@@ -11,7 +11,7 @@ from typing import Any
 import mbrs as mb
 import numpy as np
 import rivals_motion as rivals
-from linear import of_tests
+from tables import of_tests
 
 TOLERANCES = [1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9]
 # The error of a method of order 2 falls with the square of the step: tighter would take minutes. A method without a tangent
@@ -206,4 +206,4 @@ def wind_rotor() -> Any:
     def unknown(t: np.ndarray) -> dict[str, np.ndarray]:
         return dict.fromkeys(("section1", "section2", "section3"), np.full((len(t), 3), np.nan))
 
-    return zoo.MotionProblem("wind rotor", mb.examples.wind_rotor(), 60.0 / 17.2, unknown, "none")
+    return zoo.MotionProblem("wind rotor", mb.examples.wind_rotor(air=12.0), 60.0 / 17.2, unknown, "none")

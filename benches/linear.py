@@ -8,62 +8,23 @@ row whose rival is not installed says "not run". ``--write`` puts the table into
 
 from __future__ import annotations
 
-import importlib
 import json
-import os
-import platform
 import subprocess
 import sys
-import time
 import warnings
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import mbrs as mb
 import numpy as np
 import rivals
+from tables import Row, cpu, ms, one_thread, run, selected
 
-README = Path(__file__).resolve().parent / "README.md"
 BEGIN, END = "<!-- table begins -->", "<!-- table ends -->"
-ONE_THREAD = {name: "1" for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")}
 PROGRAMS = ("numpy", "scipy", "control", "exudyn", "pin")
 # N m s/rad, in the middle of the random dampers that make the damping of a chain general.
 DAMPER = 0.2
-
-
-@dataclass(frozen=True)
-class Row:
-    """One line of the table; ``reached`` None where there is no target or nothing was run."""
-
-    what: str
-    target: str
-    measured: str
-    reached: bool | None = None
-
-    def cells(self) -> list[str]:
-        verdict = {True: "yes", False: "**no**", None: "-"}[self.reached]
-        return [self.what, self.target, self.measured, verdict]
-
-
-def cpu(work: Callable[[], Any], repeats: int = 7, least: float = 0.02) -> float:
-    """CPU seconds of one call: the best of ``repeats`` means over at least ``least`` seconds."""
-    begin = time.process_time()
-    work()
-    once = time.process_time() - begin
-    loops = max(1, int(least / max(once, 1e-9)))
-    best = np.inf
-    for _ in range(repeats):
-        begin = time.process_time()
-        for _ in range(loops):
-            work()
-        best = min(best, (time.process_time() - begin) / loops)
-    return best
-
-
-def ms(seconds: float) -> str:
-    return f"{1e3 * seconds:.3g} ms"
 
 
 def _rival(work: Callable[[], Any]) -> Any:
@@ -113,7 +74,7 @@ def chain_linearisation() -> list[Row]:
     for n in (10, 50, 200):
         m = rivals.mbrs_chain(n)
         ours = cpu(lambda m=m: mb.linearize(m))
-        texts = [f"mbrs {ms(ours)}"]
+        texts = []
         lin = mb.linearize(m)
         for name, make in (("Pinocchio", rivals.pinocchio_chain), ("Exudyn", rivals.exudyn_chain)):
             linearise = _rival(lambda make=make, n=n: make(n))
@@ -124,7 +85,7 @@ def chain_linearisation() -> list[Row]:
             gap = _difference(lin, linearise())
             texts.append(f"{name} {ms(theirs)} ({theirs / ours:.2g} x, frequencies differ by {gap:.0e})")
         target, reached = ("at most 2 ms", ours <= 2e-3) if n == 200 else ("", None)
-        rows.append(Row(f"chain of {n} with bushings: linearise", target, "; ".join(texts), reached))
+        rows.append(Row(f"chain of {n} with bushings: linearise", target, ms(ours), reached, "; ".join(texts)))
     return rows
 
 
@@ -160,9 +121,15 @@ def chain_modes() -> list[Row]:
         a = _state_matrix(system)
         theirs = cpu(lambda a=a: scipy.linalg.eig(a), repeats=3)
         ours = cpu(lambda system=system: mb.modes(system), repeats=3)
-        text = f"{ms(ours)}, scipy {ms(theirs)}: ratio {ours / theirs:.2f} (route {mb.modes(system).stats.route})"
+        text = f"{ms(ours)}: ratio {ours / theirs:.2f} (route {mb.modes(system).stats.route})"
         rows.append(
-            Row(f"chain of 200: all modes, {name}, over `scipy.linalg.eig`", target, text, ours <= limit * theirs)
+            Row(
+                f"chain of 200: all modes, {name}, over `scipy.linalg.eig`",
+                target,
+                text,
+                ours <= limit * theirs,
+                f"scipy {ms(theirs)}",
+            )
         )
     return rows
 
@@ -227,7 +194,7 @@ def _transfer_function(name: str, system: Any) -> Row:
     mine = cpu(ours, repeats=5)
     control = _rival(lambda: __import__("control"))
     if control is None:
-        return Row(what, target, f"mbrs {ms(mine)}; python-control not run")
+        return Row(what, target, ms(mine), None, "python-control not run")
     b, c = np.zeros((2 * n, 6)), np.zeros((6, 2 * n))
     for j, place in enumerate(places):
         b[n + place, j] = c[j, place] = 1.0
@@ -236,11 +203,11 @@ def _transfer_function(name: str, system: Any) -> Row:
     theirs = cpu(lambda: rival(2j * np.pi * frequency), repeats=2)
     h = ours()
     gap = float(np.max(np.abs(h.value - value)) / np.max(np.abs(value)))
-    text = (
-        f"mbrs {ms(mine)} (route {h.stats.route}), python-control {ms(theirs)}: {theirs / mine:.0f} times; "
-        f"differ by {gap:.0e}"
+    text, beside = (
+        f"{ms(mine)} (route {h.stats.route})",
+        f"python-control {ms(theirs)}: {theirs / mine:.0f} x; differs by {gap:.0e}",
     )
-    return Row(what, target, text, theirs >= 50 * mine and gap <= 1e-10)
+    return Row(what, target, text, theirs >= 50 * mine and gap <= 1e-10, beside)
 
 
 def sensitivities() -> list[Row]:
@@ -255,9 +222,10 @@ def sensitivities() -> list[Row]:
         parameters = [f"F{i}.k[5]" for i in range(1, 31)]
         solve = cpu(lambda lin=lin: mb.modes(lin), repeats=3)
         derive = cpu(lambda modes=modes, p=parameters: mb.sensitivity(modes, p).frequency, repeats=3)
-        text = f"{ms(derive)}, eigen-solution {ms(solve)} ({modes.stats.route}): ratio {derive / solve:.2f}"
+        text = f"{ms(derive)}: ratio {derive / solve:.2f}"
+        beside = f"eigen-solution {ms(solve)} ({modes.stats.route})"
         what = f"chain of 100, {name}: df/dp of all modes, 30 parameters, over one eigen-solution"
-        rows.append(Row(what, "at most 1", text, derive <= solve))
+        rows.append(Row(what, "at most 1", text, derive <= solve, beside))
     return rows
 
 
@@ -267,11 +235,12 @@ def hanging() -> list[Row]:
     rod = m.body("rod", mass=1.0, inertia=(1 / 12, 1e-3, 1 / 12), at=(0, -0.5, 0))
     m.revolute("hinge", m.ground, rod, at=(0, 0, 0), axis="z")
     ours = mb.modes(m, at=mb.equilibrium(m)).frequency[0]
-    texts = [f"mbrs {ours:.6f} Hz"]
-    for name, run in (("Pinocchio", rivals.pinocchio_pendulum), ("Exudyn", rivals.exudyn_pendulum)):
-        value = _rival(run)
+    texts = []
+    for name, measured in (("Pinocchio", rivals.pinocchio_pendulum), ("Exudyn", rivals.exudyn_pendulum)):
+        value = _rival(measured)
         texts.append(f"{name} not run" if value is None else f"{name} {value:.6f} Hz")
-    return [Row("hanging rod at its equilibrium", "0.610521 Hz", "; ".join(texts), f"{ours:.6f}" == "0.610521")]
+    right = f"{ours:.6f}" == "0.610521"
+    return [Row("hanging rod at its equilibrium", "0.610521 Hz", f"{ours:.6f} Hz", right, "; ".join(texts))]
 
 
 MEASUREMENTS: dict[str, Callable[[], list[Row]]] = {
@@ -286,72 +255,10 @@ MEASUREMENTS: dict[str, Callable[[], list[Row]]] = {
 }
 
 
-def table(rows: list[Row]) -> str:
-    lines = [["what", "target", "measured", "reached"], ["---"] * 4, *(row.cells() for row in rows)]
-    return "\n".join("| " + " | ".join(cells) + " |" for cells in lines)
-
-
-def circumstances(programs_used: tuple[str, ...]) -> str:
-    """Machine, versions and how busy it was: without them a time means nothing."""
-    from importlib.metadata import PackageNotFoundError, version
-
-    def of(name: str) -> str:
-        try:
-            return f"{name} {version(name)}"
-        except PackageNotFoundError:
-            return f"{name} absent"
-
-    load = ", ".join(f"{x:.1f}" for x in os.getloadavg())
-    programs = ", ".join(of(name) for name in programs_used)
-    machine = f"{os.cpu_count()} cores ({platform.machine()}), load {load} when measured"
-    return f"{machine}; Python {platform.python_version()}, {programs}."
-
-
-def run(
-    chosen: Mapping[str, Callable[[], list[Row]]], arguments: Iterable[str], begin: str, end: str,
-    used: tuple[str, ...], remark: str = "",
-) -> None:  # fmt: skip
-    """Measure, print as rows come and the table at the end, with ``--write`` into benches/README.md too."""
-    rows: list[Row] = []
-    for name, measure in chosen.items():
-        made = measure()
-        rows += made
-        # as they come: the whole takes minutes, and a busy machine longer
-        print(f"{name}: done\n{table(made)}", file=sys.stderr, flush=True)
-    text = f"{table(rows)}\n\n{circumstances(used)}{remark}"
-    print(text)
-    if "--write" in arguments:
-        write(text, begin, end)
-
-
-def selected(
-    measurements: dict[str, Callable[[], list[Row]]], arguments: Iterable[str]
-) -> dict[str, Callable[[], list[Row]]]:
-    """Those named among the arguments, or all."""
-    names = [a for a in arguments if not a.startswith("-")]
-    return {name: measurements[name] for name in names or measurements}
-
-
-def of_tests(name: str) -> Any:
-    """A module of the tests: benches measure what they prove."""
-    folder = str(Path(__file__).resolve().parent.parent / "tests" / "models")
-    if folder not in sys.path:
-        sys.path.insert(0, folder)
-    return importlib.import_module(name)
-
-
 def main(arguments: list[str]) -> None:
     run(selected(MEASUREMENTS, arguments), arguments, BEGIN, END, PROGRAMS)
 
 
-def write(text: str, begin: str, end: str) -> None:
-    """Put a table into benches/README.md, between its two marks."""
-    before, _, rest = README.read_text().partition(begin)
-    README.write_text(f"{before}{begin}\n{text}\n{end}{rest.partition(end)[2]}")
-
-
 if __name__ == "__main__":
-    if ONE_THREAD.items() - os.environ.items():
-        # BLAS reads these when numpy is imported, which has happened.
-        os.execve(sys.executable, [sys.executable, *sys.argv], {**os.environ, **ONE_THREAD})
+    one_thread()
     main(sys.argv[1:])

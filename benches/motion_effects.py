@@ -14,7 +14,7 @@ from typing import Any
 
 import mbrs as mb
 import numpy as np
-from linear import Row, ms
+from tables import Row, ms
 
 PAIRS = 60, 300
 # shares are told to this much, or the row fails
@@ -86,19 +86,19 @@ class Case:
         m = self.scene()
         full = lambda: simulated(m, **self.options)  # noqa: E731
         out = saved(full, lambda: simulated(m, without=(self.effect,), **self.options))
-        text = f"{ms(out.seconds)}; left out {out} saved"
+        text, beside = f"{ms(out.seconds)}; left out {out} saved", ""
         reached = out.resolved
         scatter = out.scatter
         if self.bare is not None:
             bare = self.bare()
             cost = saved(full, lambda: simulated(bare, **self.options))
-            text += f", built without it {cost}" + ("" if cost.resolved else " (not resolved)")
+            beside = f"built without it {cost} saved" + ("" if cost.resolved else " (not resolved)")
             slack = 3 * float(np.hypot(out.scatter, cost.scatter))
             reached = out.part > PART * cost.part - slack and out.resolved >= cost.resolved
             scatter = max(scatter, cost.scatter)
         if scatter > SCATTER:
             text, reached = text + "; the machine is too noisy to tell", False
-        return Row(f"{self.words}: without {self.effect}", "saves what it costs", text + self._work(m), reached)
+        return Row(f"{self.words}: without {self.effect}", "saves what it costs", text + self._work(m), reached, beside)
 
     def _work(self, m: Any) -> str:
         """Counts that fall."""

@@ -92,6 +92,7 @@ def test_a_route_that_does_not_fit_is_refused_in_time(what, part):
     assert text.startswith("refused") or part > 0.1
 
 
+@pytest.mark.slow
 def test_the_refusal_is_not_a_habit():
     """The same routes with room are granted."""
     for what, (made, call, _) in CALLS.items():

@@ -10,6 +10,7 @@ from folders import DOCS
 PAGE = (DOCS / "aerodynamics.md").read_text(encoding="utf-8")
 
 
+@pytest.mark.slow
 def test_the_page_is_true(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     scope: dict = {}

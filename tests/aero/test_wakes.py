@@ -148,6 +148,7 @@ def test_convection_is_of_second_order():
     assert 3.5 < errors[0] / errors[1] < 5.0, errors
 
 
+@pytest.mark.slow
 def test_a_lightly_loaded_rotor_is_that_of_momentum_theory():
     radius = 37.3
     x = np.linspace(0.15, 1.0, 18) * radius
@@ -162,6 +163,7 @@ def test_a_lightly_loaded_rotor_is_that_of_momentum_theory():
         assert few.thrust_coefficient == pytest.approx(more.thrust_coefficient, rel=0.01)
 
 
+@pytest.mark.slow
 @pytest.mark.exact
 def test_bits_of_a_free_wake_do_not_depend_on_threads():
     rotor = wind_turbine()
@@ -258,3 +260,27 @@ def test_input_that_cannot_be(change, message):
 def test_examples_of_docstrings():
     found = doctest.testmod(mbrs.aero.rotor_wakes)
     assert found.attempted > 0 and found.failed == 0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "values"), [("steps", [12, 24, 48]), ("tail_turns", [2.0, 4.0, 12.0]), ("strips", [6, 12, 24])]
+)
+def test_finer_wakes_have_less_error(name, values):
+    """An accuracy study of one option: the error is that of thrust or power against the finest wake."""
+    given = {**SMALL, "steps": 24, "strips": 8, "tail_turns": 8.0, "inflow": "prescribed-wake", name: values}
+    study = mb.accuracy_study(mb.aero.rotor_wake, wind_turbine(), 7.0, repeat=1, **given)
+    assert "thrust or the power" in study.measure and study.points[-1].is_reference
+    first, second = (p.error for p in study.points[:2])
+    assert 0.0 < second < first < 0.1
+    one, fine = (mb.aero.rotor_wake(wind_turbine(), 7.0, **{**given, name: v}) for v in (values[0], values[-1]))
+    known = max(abs(one.thrust / fine.thrust - 1), abs(one.power / fine.power - 1))
+    assert first == pytest.approx(known, rel=1e-9)
+
+
+@pytest.mark.slow
+def test_the_thinnest_core_is_the_finest():
+    given = {**SMALL, "inflow": "prescribed-wake", "core_radius": [0.5, 1.0, 2.0]}
+    study = mb.accuracy_study(mb.aero.rotor_wake, wind_turbine(), 7.0, repeat=1, **given)
+    thin, middle, thick = study.points
+    assert thin.is_reference and 0.0 < middle.error < thick.error

@@ -237,6 +237,7 @@ def test_a_design_is_solved_for_its_modes_once(monkeypatch):
     assert len(calls) == 1
 
 
+@pytest.mark.slow
 def test_the_course_of_an_optimisation_shows_what_violates(tmp_path):
     p = mixed(constraints=[mb.Frequency(0, upper=0.6)])
     best = p.solve()

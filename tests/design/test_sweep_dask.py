@@ -68,6 +68,7 @@ def test_a_cluster_gives_the_same_bits(client, tmp_path):
     assert runs["x"].tolist() == (3.0 * designs["k"]).tolist()
 
 
+@pytest.mark.slow
 @pytest.mark.exact
 def test_the_loss_of_a_worker_and_a_restart_change_nothing(client):
     m, designs = scenes.model(), scenes.designs(N)
@@ -90,6 +91,7 @@ def test_a_design_that_takes_too_long_is_cut_on_a_cluster(client):
     assert runs.failures.design.tolist() == [2] and set(runs.failures.reason) == {"timeout"}
 
 
+@pytest.mark.slow
 def test_a_design_that_ends_its_worker_is_found_in_the_same_run(client):
     runs = mb.sweep(scenes.model(), scenes.designs(24), scenes.aborts, executor=client, chunk=12)
     assert (
@@ -97,6 +99,7 @@ def test_a_design_that_ends_its_worker_is_found_in_the_same_run(client):
     )
 
 
+@pytest.mark.slow
 def test_a_cluster_without_workers_is_not_waited_for(monkeypatch, tmp_path):
     """All workers leave during the sweep: an error in place of an endless wait, and the store holds what came before."""
     monkeypatch.setattr(pools, "_ASK", 0.2)

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import mbrs as mb
 import numpy as np
+import pytest
 from click.testing import CliRunner
 from folders import DOCS
 from mbrs.cli import main
@@ -14,6 +15,7 @@ from mbrs.cli import main
 PAGE = (DOCS / "sweeps.md").read_text()
 
 
+@pytest.mark.slow
 def test_the_script_of_the_page_runs_and_goes_on(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     script = PAGE.split("```python\n")[1].split("```")[0].replace("n=200", "n=20")

@@ -291,6 +291,7 @@ def test_a_design_that_does_not_answer_is_ended_with_its_process(monkeypatch):
     assert sorted((c.first, c.status.tolist()) for c in chunks) == [(0, [0, 0]), (2, [2]), (3, [0])]
 
 
+@pytest.mark.slow
 def test_a_worker_that_does_not_answer_is_ended_by_its_pool(monkeypatch):
     monkeypatch.setattr(isolation, "GRACE", 0.3)
     # a first call of a process that starts takes longer than a design

@@ -38,7 +38,7 @@ def redrawn(family, change, seed):
     return CHANGES[change](rng, seed)(model)
 
 
-@pytest.mark.parametrize(("family", "change"), cases())
+@pytest.mark.parametrize(("family", "change"), list(cases()))
 def test_degrees_of_freedom(family, change):
     found = [mb.System(redrawn(family, change, seed)).dof for seed in range(MODELS)]
     assert found == [family.dof] * MODELS

@@ -9,7 +9,7 @@ from random_models import random_tree
 from zoo import changed, close, drawn, rest
 
 
-@pytest.mark.parametrize(("name", "change"), zoo.cases())
+@pytest.mark.parametrize(("name", "change"), list(zoo.cases()))
 def test_places(name, change):
     change, model = changed(name, change)
     found, expected = zoo.at_rest(model), rest(name)
@@ -21,7 +21,7 @@ def test_places(name, change):
 
 @pytest.mark.parametrize(
     ("name", "change"),
-    zoo.cases(("tree", "chain", "loop"), [c for c in zoo.CHANGES if c not in ("split", "repeated")]),
+    list(zoo.cases(("tree", "chain", "loop"), [c for c in zoo.CHANGES if c not in ("split", "repeated")])),
 )
 def test_reactions(name, change):
     change, model = changed(name, change)

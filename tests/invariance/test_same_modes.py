@@ -21,7 +21,7 @@ def with_part(expected, change_name):
     return s[np.lexsort((s.imag, np.round(np.log(np.abs(s)), 6)))]
 
 
-@pytest.mark.parametrize(("name", "change"), zoo.cases())
+@pytest.mark.parametrize(("name", "change"), list(zoo.cases()))
 def test_roots(name, change):
     expected = with_part(roots(mb.modes(zoo.drawn(name), at=rest(name))), change)
     change, model = changed(name, change)
@@ -33,7 +33,7 @@ def test_roots(name, change):
 
 @pytest.mark.parametrize(
     ("name", "change"),
-    zoo.cases(("tree", "chain", "isolator"), [c for c in zoo.CHANGES if not c.endswith("part")]),
+    list(zoo.cases(("tree", "chain", "isolator"), [c for c in zoo.CHANGES if not c.endswith("part")])),
 )
 def test_lowest_roots_only(name, change):
     """``n=2``: the sparse route where there is one."""

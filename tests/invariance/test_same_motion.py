@@ -58,7 +58,7 @@ def cases():
             yield pytest.param(method, name, change, id=f"{method}-{name}-{change}", marks=marks)
 
 
-@pytest.mark.parametrize(("method", "name", "change"), cases())
+@pytest.mark.parametrize(("method", "name", "change"), list(cases()))
 def test_places(method, name, change):
     change, model = changed(name, change)
     bodies = [change.rename(b) for b in zoo.bodies(drawn(name))]

@@ -22,7 +22,7 @@ def displacement(model, at, body, change):
     return y.T if y.shape[0] == 3 else y
 
 
-@pytest.mark.parametrize(("name", "change"), zoo.cases())
+@pytest.mark.parametrize(("name", "change"), list(zoo.cases()))
 def test_displacement(name, change):
     body = zoo.bodies(drawn(name))[-1]
     expected = displacement(drawn(name), rest(name), body, zoo.changes.nothing())

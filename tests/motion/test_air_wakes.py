@@ -77,3 +77,36 @@ def test_a_rotor_that_stands_has_no_wake():
     m, _ = rotor(inflow="free-wake", sections=4, speed=0.0)
     with pytest.raises(mb.ModelError, match="turns about its axis"):
         mb.simulate(m, t=1.0)
+
+
+def test_simpler_inflows_stand_beside_the_models_own():
+    """The rows of an effect study are the motions without air, with air that induces nothing, and with momentum theory."""
+    m, _ = rotor(inflow="dynamic-inflow", sections=4, count=1, options={"steps": 12}, shear=0.9)
+    t = np.array([0.0, 2 * STEP])
+
+    def apart(a, b):
+        """largest difference of the thrust, relative"""
+        return float(np.max(np.abs(thrust_of(a) - b.thrust)) / np.max(np.abs(b.thrust)))
+
+    def thrust_of(traj):
+        return np.zeros(len(traj.t)) if "aerodynamics" in traj.without else traj.thrust
+
+    study = mb.effect_study(mb.simulate, m, repeat=1, t=t, rtol=1e-7, effects=["aerodynamics"], measure=apart)
+    whole = mb.simulate(m, t=t, rtol=1e-7).thrust
+
+    found = {row.effect: row.change for row in study.runs}
+    known = {"aerodynamics": 1.0}
+    for label, inflow in (("induced velocity", "none"), ("lag of the inflow", "bem")):
+        other, _ = rotor(inflow=inflow, sections=4, count=1, shear=0.9)
+        known[label] = np.max(np.abs(mb.simulate(other, t=t, rtol=1e-7).thrust - whole)) / np.max(np.abs(whole))
+    assert found == pytest.approx(known, rel=1e-6)
+    assert 1.0 > known["induced velocity"] > known["lag of the inflow"] > 0.0
+    assert m.airs[0].inflow == "dynamic-inflow" and m.airs[0].options == {"steps": 12}
+
+
+@pytest.mark.slow
+def test_momentum_theory_stands_beside_a_wake():
+    m, _ = rotor(inflow="free-wake", sections=4, options={"steps": 12, "tail_turns": 1.0}, wind=7.0)
+    study = mb.effect_study(mb.simulate, m, repeat=1, t=2 * STEP, rtol=1e-5, effects=["aerodynamics"])
+    assert {row.effect for row in study.runs} == {"aerodynamics", "induced velocity", "wake"}
+    assert all(row.status == "finished" for row in study.runs)

@@ -96,6 +96,7 @@ def test_a_stiff_governor(rtol):
     assert 0.1 < traj.error / error < 10
 
 
+@pytest.mark.slow
 def test_a_van_der_pol_oscillator():
     """x" + mu (x^2 - 1) x' + x = 0, mu = 300: long slow ways, fast jumps."""
     mu = 300.0

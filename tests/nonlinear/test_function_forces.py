@@ -40,6 +40,7 @@ def test_a_function_is_its_harmonics():
     assert np.max(np.abs(a.X - b.X)) < 1e-10 and abs(a.error - b.error) < 1e-9 and b.verify() < 1e-5
 
 
+@pytest.mark.slow
 def test_a_square_wave_says_what_its_cut_costs():
     """The distance from the motion integrated by SciPy stays within the stated error, and shrinks with harmonics."""
     omega = 0.9

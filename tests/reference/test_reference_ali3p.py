@@ -23,6 +23,7 @@ def point_objective(motion, tangent, h):
     return trapezoid(g, h), trapezoid(dg, h)
 
 
+@pytest.mark.oracle
 def test_five_bar_converges_to_the_known_gradient():
     errors = []
     for n in (50, 100, 200):
@@ -45,6 +46,7 @@ def test_five_bar_repeats_the_published_digits(h, published):
     assert grad[:2] == pytest.approx(published, abs=6e-6)
 
 
+@pytest.mark.oracle
 def test_point_converges_to_the_known_gradient():
     errors = []
     for n in (400, 800):

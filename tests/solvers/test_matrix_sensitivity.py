@@ -55,7 +55,7 @@ def test_rigid_form_is_the_production_path():
     # body a turns about the origin: the derivative of its x, y is theta' times the perpendicular
     theta = motion[-1][0]
     turn = 0.3 * np.array([-np.sin(theta), np.cos(theta)])
-    known = np.einsum("c,ij->cij", turn, tangent[-1][[0, 2]]).reshape(2, -1)
+    known = np.einsum("c,ij->cij", turn, tangent[-1][[0, 2]])
     found = mb.gradient(
         m, [mb.Final(lambda at, c=c: at.position("a")[c]) for c in range(2)], ["V"], t=h * n, step=h / 10
     )

@@ -98,6 +98,7 @@ ANALYSES = {
 }
 
 
+@pytest.mark.oracle
 @pytest.mark.filterwarnings("ignore:the frequency points miss")
 @pytest.mark.parametrize("reverse", [False, True])
 @pytest.mark.parametrize("name", ANALYSES)

@@ -218,6 +218,7 @@ ANALYSES = {
 }
 
 
+@pytest.mark.oracle
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("name", ANALYSES)
 def test_the_reference_agrees(name, seed):

@@ -38,7 +38,7 @@ _SHEAR = 0.2  # share by which a blade's loads rise at the top and fall at the b
 
 
 def wind_rotor(
-    speed: float = SPEED, modes: int = 4, gravity: float | None = 9.81, air: float | None = 12.0, drive: bool = True
+    speed: float = SPEED, modes: int = 4, gravity: float | None = 9.81, air: float | None = None, drive: bool = True
 ) -> Model:
     """Three flexible blades "blade1" to "blade3" on a "hub" at the end of a flexible "shaft" in a locked "nacelle".
 
@@ -51,8 +51,8 @@ def wind_rotor(
     gravity
         m/s2 downwards (-z), or None.
     air
-        Until when (s) tabulated aerodynamic section loads act, one value for each eighth of a turn; None for none. Their
-        size is invented: thrust and driving force with a wind that is stronger above.
+        Until when (s) tabulated aerodynamic section loads act, one value for each eighth of a turn; None for none, as beside
+        `Model.aerodynamics`. Their size is invented: thrust and driving force with a wind that is stronger above.
     drive
         False leaves the joint "bearing" free.
 
@@ -67,7 +67,7 @@ def wind_rotor(
     Examples
     --------
     >>> import mbrs as mb
-    >>> mb.examples.wind_rotor(modes=2, air=None)
+    >>> mb.examples.wind_rotor(modes=2)
     Model('wind rotor': 6 bodies, 6 joints, 0 elements, 0 loads, 0 parameters)
     """
     m = Model("wind rotor", gravity=None if gravity is None else (0.0, 0.0, -gravity))
@@ -145,7 +145,7 @@ def wind_rotor_blades(sections: int = 16) -> list[Any]:
     Examples
     --------
     >>> import mbrs as mb
-    >>> m = mb.examples.wind_rotor(air=None)
+    >>> m = mb.examples.wind_rotor()
     >>> m.aerodynamics("air", mb.examples.wind_rotor_blades(), wind=mb.aero.wind(8.0), inflow="bem")
     <aerodynamics 'air' of 'wind rotor'>
     """

@@ -128,6 +128,16 @@ def polar_tables(
     return number, angles, pieces
 
 
+def with_inflow(model: Any, inflow: str) -> Any:
+    """A copy of a model whose air has another inflow wherever it has a later one of `INFLOWS`, without the options of that one."""
+    made = model.copy()
+    for air in made.airs:
+        if INFLOWS.index(air.inflow) > INFLOWS.index(inflow):
+            air.inflow, air.options = inflow, {}
+    made.changed_structure()
+    return made
+
+
 # --- from arguments to numbers -----
 
 

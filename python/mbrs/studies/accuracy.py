@@ -43,7 +43,7 @@ VECTOR_ARGUMENTS = frozenset(
         "elements",
     ]
 )
-_SMALLER_IS_FINER = frozenset({"rtol", "atol", "tol", "tolerance", "step", "h", "dt", "ds"})
+_SMALLER_IS_FINER = frozenset({"rtol", "atol", "tol", "tolerance", "step", "h", "dt", "ds", "core_radius"})
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,6 +12,7 @@ import numpy as np
 from .._lib.progress import Progress
 from .._lib.text import Block, si
 from ..errors import Interrupted, MbrsError, ModelError
+from ..model.aerodynamics import with_inflow
 from ..results import Result, Stats, derived, result
 from ..system.effects import LINEAR_ONLY, effects
 from .measures import eigenvalue_difference, frequency_difference, measure_for
@@ -130,7 +131,9 @@ def effect_study(
     measure
         ``measure(result, reference) -> float``; None chooses by the kind of result (`mbrs.studies.measures`).
     effects
-        Names of effects to try; None takes those that ``mb.effects(model)`` lists as on and that can be switched off.
+        Names of effects to try; None takes those that ``mb.effects(model)`` lists as on and that can be switched off. With
+        "aerodynamics" the air is also tried with simpler inflows than its own: "induced velocity" left out is inflow "none",
+        "wake" or "lag of the inflow" left out is inflow "bem".
 
     Returns
     -------
@@ -146,7 +149,7 @@ def effect_study(
 
     Notes
     -----
-    Cost: ``repeat`` x (number of effects + 1) + 1 runs.
+    Cost: ``repeat`` x (number of rows + 1) + 1 runs.
     """
     off = tuple(settings.pop("without", ()))
     names = tuple(effects) if effects is not None else _effects_on(model, fun)
@@ -162,6 +165,9 @@ def effect_study(
         raise ModelError(f"the analysis fails with all effects on, so there is nothing to compare with: {status}")
     measure = measure or _measure(whole)
     rows: list[EffectRow] = []
+    cases = [(name, model, (*off, name)) for name in names if name not in off]
+    if any(name == "aerodynamics" for name, _, _ in cases):
+        cases += [(label, simpler, off) for label, simpler in _simpler_inflows(model)]
 
     def study(status: str) -> EffectStudy:
         rows.sort(key=lambda row: -row.change if math.isfinite(row.change) else math.inf)
@@ -169,15 +175,15 @@ def effect_study(
         return EffectStudy(tuple(rows), name_of(measure), full, stats=stats, error=None, status=status)
 
     try:
-        with Progress("effect study", len(names)) as progress:
-            for name in names:
-                if name not in off:
-                    row, cost = _effect_row(fun, (model, *args), settings, (*off, name), repeat, measure, (whole, full))
-                    rows.append(row)
-                    spent += cost
+        with Progress("effect study", len(cases)) as progress:
+            for name, tried, without in cases:
+                given = {**settings, **({"without": without} if without else {})}
+                row, cost = _effect_row(name, fun, (tried, *args), given, repeat, measure, (whole, full))
+                rows.append(row)
+                spent += cost
                 progress.advance(note=name)
     except KeyboardInterrupt:
-        text = f"the effect study was interrupted after {len(rows)} of {len(names)} effects"
+        text = f"the effect study was interrupted after {len(rows)} of {len(cases)} effects"
         raise Interrupted(text, study("interrupted")) from None
     return study("converged")
 
@@ -188,25 +194,38 @@ def _measure(whole: Any) -> Callable[[Any, Any], float]:
     return eigenvalue_difference if chosen is frequency_difference else chosen
 
 
+def _simpler_inflows(model: Any) -> list[tuple[str, Any]]:
+    """The loss of each simpler inflow by name, and the model with that inflow."""
+    inflows = {air.inflow for air in getattr(model, "airs", ())}
+    out = []
+    if inflows - {"none"}:
+        out.append(("induced velocity", with_inflow(model, "none")))
+    if inflows & {"prescribed-wake", "free-wake"}:
+        out.append(("wake", with_inflow(model, "bem")))
+    elif "dynamic-inflow" in inflows:
+        out.append(("lag of the inflow", with_inflow(model, "bem")))
+    return out
+
+
 def _effect_row(
+    name: str,
     fun: Callable[..., Any],
     args: Any,
-    settings: Any,
-    off: tuple[str, ...],
+    settings: Mapping[str, Any],
     repeat: int,
     measure: Any,
     whole: tuple[Any, float],
 ) -> tuple[EffectRow, float]:
-    result, best, spent, status = timed(fun, args, {**settings, "without": off}, repeat)
+    result, best, spent, status = timed(fun, args, settings, repeat)
     reference, full = whole
     if result is None:
-        return EffectRow(off[-1], math.nan, best, math.nan, {}, status), spent
+        return EffectRow(name, math.nan, best, math.nan, {}, status), spent
     try:
         change = float(measure(result, reference))
     except MbrsError as problem:
         change, status = math.nan, f"not comparable: {problem}"
     saved = 1.0 - best / full if full > 0.0 else math.nan
-    return EffectRow(off[-1], change, best, saved, _fewer(reference, result), status), spent
+    return EffectRow(name, change, best, saved, _fewer(reference, result), status), spent
 
 
 def _fewer(whole: Any, part: Any) -> dict[str, int]:

@@ -17,6 +17,7 @@ __all__ = [
     "measure_for",
     "motion_difference",
     "own_estimate",
+    "rotor_difference",
 ]
 
 
@@ -24,8 +25,8 @@ def measure_for(result: Any) -> Callable[[Any, Any], float]:
     """The default measure for this kind of result.
 
     Modes are compared by their frequencies, transfer functions and responses by their values, harmonic-balance curves
-    by their peak, motions by poses, numbers and arrays element by element; anything else that has an ``error`` by that
-    estimate.
+    by their peak, motions by poses, rotors in wind by thrust and power, numbers and arrays element by element; anything else that
+    has an ``error`` by that estimate.
 
     Raises
     ------
@@ -40,6 +41,8 @@ def measure_for(result: Any) -> Callable[[Any, Any], float]:
         return curve_difference
     if hasattr(result, "value") or isinstance(result, int | float | complex | np.ndarray | np.number | list | tuple):
         return largest_difference
+    if hasattr(result, "thrust_coefficient") and hasattr(result, "power_coefficient"):
+        return rotor_difference
     if getattr(result, "error", None) is not None:
         return own_estimate
     raise ModelError(
@@ -145,6 +148,24 @@ def _peak(result: Any) -> tuple[float, float]:
     size = np.linalg.norm(points, axis=1)
     i = int(np.argmax(size))
     return float(size[i]), float(omega[min(i, omega.size - 1)])
+
+
+def rotor_difference(result: Any, reference: Any) -> float:
+    """Relative difference of the thrust or the power of a rotor in wind, the larger; of a wake that of the means of its last turns."""
+    apart = []
+    for ours, theirs in zip(_rotor_loads(result), _rotor_loads(reference), strict=True):
+        if ours.shape != theirs.shape:
+            raise ModelError("rotors at different tip speed ratios cannot be compared; give both the same")
+        size = float(np.max(np.abs(theirs)))
+        apart.append(_largest(np.abs(ours - theirs)) / (size if size > 0.0 else 1.0))
+    return max(apart)
+
+
+def _rotor_loads(result: Any) -> tuple[np.ndarray, np.ndarray]:
+    """Thrust and power: means of a wake, or coefficients over the tip speed ratio."""
+    mean = not callable(result.thrust)
+    pair = (result.thrust, result.power) if mean else (result.thrust_coefficient, result.power_coefficient)
+    return np.atleast_1d(pair[0]), np.atleast_1d(pair[1])
 
 
 def own_estimate(result: Any, reference: Any) -> float:
