@@ -33,7 +33,7 @@ def test_gradients_by_everything(scheme):
     """By the numbers in the functions, points of motions, masses and stiffnesses."""
     names = ["w", "a", "b", "ahead", "hinge.at[1]", "one.mass", "soft.k[1]"]
     quantity = mb.Integral(lambda s: s.position("two") @ s.position("two"))
-    options = {"t": 0.3, "step": 5e-3, "scheme": scheme}
+    options = {"t": 0.1, "step": 5e-3, "scheme": scheme}
     direct, adjoint = (
         mb.gradient(scene(), quantity, names, method=method, **options) for method in ("direct", "adjoint")
     )

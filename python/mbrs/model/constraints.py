@@ -13,7 +13,7 @@ from .expressions import Program
 from .function_calls import FunctionCall
 from .joint import Joint
 from .joints import free
-from .law_items import SavedCall, SavedFunction
+from .law_items import SavedFunction
 from .motions import FunctionName, name_of, resolve
 from .names import problem, shown
 from .numbers import Number, scalar
@@ -21,6 +21,7 @@ from .ports import Port, as_port
 from .schema import CONSTRAINT, SIX, VELOCITY_CONSTRAINT, Kind
 from .tracing import program_lines, read_program, trace_rows
 
+Function = Callable[..., Any]
 MotionOf = Joint | Port | str | tuple[Joint | str, str]
 
 
@@ -64,9 +65,7 @@ class Constraint(Item):
         names = [f"{joints[j].name}.{joints[j].table.coordinates[k]}" for j, k in self.motions]
         head = {"name": self.name, "motions": names}
         if isinstance(self.body, ConstraintCall):
-            made = self.body.described()
-            rest = {"d": made.pop("d")} if "d" in made else {}
-            return {**head, "fun": {"type": "function", **made}, **rest}
+            return {**head, **self.body.described()}
         return {**head, "fun": {"type": "function", "program": program_lines(*self.body), "values": self.entries()}}
 
 
@@ -88,7 +87,7 @@ class ConstraintCall(FunctionCall):
             self(0.0, [0.0] * self.m)
 
     def rows(self) -> int:
-        """How many rows it makes, found by a call where the bodies are drawn; one where only the names of the functions are known."""
+        """Number of its rows, found by a call where the bodies are drawn; one where only the names of the functions are known."""
         if any(isinstance(f, FunctionName) for f in (self.function, self.d)):
             return 1
         return len(self._values(0.0, self._given([0.0] * self.m)))
@@ -106,7 +105,7 @@ class ConstraintCall(FunctionCall):
         return np.hstack([left, np.asarray(right, dtype=float).reshape(-1, 1)])
 
     def __call__(self, t: float, u: list[float], v: Any = None) -> list[float]:
-        """Of each result its value, its slopes (1 + m,) by t and u, and of positions the second ones (1 + m, 1 + m)."""
+        """Values and slopes of the results, one after the other: (1,), (1 + m,) by t and u, and (1 + m, 1 + m) of positions."""
         self.check_callable()
         given, n = self._given(u), 1 + self.m
         values = self._values(t, given)
@@ -124,7 +123,9 @@ class ConstraintCall(FunctionCall):
 
     def described(self) -> dict[str, str]:
         """Names of the functions, by which they come back from a file."""
-        return {**super().described(), **({} if self.d is None else {"d": name_of(self.d, self.where)})}
+        made = super().described()
+        rest = {} if self.d is None else {"d": name_of(self.d, self.where)}
+        return {"fun": made["function"], "derivatives": made["derivatives"], **rest}
 
     def __reduce__(self) -> tuple[Any, ...]:
         made: list[Any] = [self.function, self.derivatives, self.d]
@@ -181,7 +182,7 @@ def _of_body(book: Book, name: str, port: Port) -> tuple[int, int]:
     for joint in book.joints:
         if joint.type == "free" and _is_frame_of(joint, book, port.body, at):
             return joint.index, joint.table.coordinates.index(coordinate)
-    made = free(book, _new_name(book, owner.name), book.ground, port.body, at=at)
+    made = free(book, _new_name(book, owner.name), "ground", port.body, at=at)
     return made.index, made.table.coordinates.index(coordinate)
 
 
@@ -232,8 +233,7 @@ def _forget_joints(book: Book, count: int) -> None:
 def _body(made: Constraint, fun: Any, d: Any, derivatives: Any, where: str) -> list[Number]:
     """The program of its functions, or the call of the slow path; the numbers of the model that they use."""
     m = len(made.motions)
-    if isinstance(fun, SavedCall):
-        fun, derivatives = fun.function, fun.derivatives
+    numbers: Sequence[Any]
     if isinstance(fun, SavedFunction):
         program, numbers = read_program(fun.lines, m if m > 1 else 0, len(fun.values), where, rates=False), fun.values
     elif derivatives is not None:
@@ -297,7 +297,9 @@ def _check_finite(made: Constraint, entries: Sequence[Number], where: str) -> No
 # --- methods of `Model` -----
 
 
-def constraint(self: Book, name: str, fun: Any, motions: Sequence[MotionOf], *, derivatives: Any = None) -> Constraint:
+def constraint(
+    self: Book, name: str, fun: Function, motions: Sequence[MotionOf], *, derivatives: Function | None = None
+) -> Constraint:
     """A constraint of positions: Phi(t, u) = 0, u the motions that it names.
 
     Parameters
@@ -327,8 +329,8 @@ def constraint(self: Book, name: str, fun: Any, motions: Sequence[MotionOf], *, 
     Notes
     -----
     The row J = Phi_u u_q enters every analysis as that of a joint (docs/theory.md (3.12)). Assembly closes it by the smallest change.
-    Rows are free of units: Phi over its change for a natural unit of its motions. Linear analyses and equilibrium take t = 0 and Phi_t = 0, as for a
-    drive. Cost: m + 1 evaluations of the program for a gradient.
+    Rows are free of units: Phi over its change for a natural unit of its motions. Linear analyses and equilibrium take t = 0 and
+    Phi_t = 0, as for a drive. Cost: m + 1 evaluations of the program for a gradient.
 
     Examples
     --------
@@ -348,11 +350,11 @@ def constraint(self: Book, name: str, fun: Any, motions: Sequence[MotionOf], *, 
 def velocity_constraint(
     self: Book,
     name: str,
-    fun: Any,
+    fun: Function,
     motions: Sequence[MotionOf],
     *,
-    d: Any = None,
-    derivatives: Any = None,
+    d: Function | None = None,
+    derivatives: Function | None = None,
 ) -> Constraint:
     """A constraint of velocities: D(t, u) u' + d(t, u) = 0, nonholonomic unless it comes from positions.
 

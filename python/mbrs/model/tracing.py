@@ -105,7 +105,7 @@ def _shape_of_rows(width: int) -> str:
 
 
 def _called(function: Callable[..., Any], space: TraceSpace, names: tuple[str, ...], where: str) -> Any:
-    """What a function returns for symbols."""
+    """The result of a function for symbols."""
     arguments = [space.symbols[0], *(_given(space, name) for name in names)]
     try:
         return function(*arguments)

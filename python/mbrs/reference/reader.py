@@ -234,7 +234,7 @@ def refuse_functions(t: Mapping[str, Any]) -> None:
     """The equations here are without constraints that are functions."""
     if len(t.get("constraint_name", ())):
         raise ModelError(
-            f"the reference has no constraints that are functions, but the model has {t['constraint_name'][0]!r}; compare a model without it"
+            f"the reference has no constraints that are functions, the model has {t['constraint_name'][0]!r}; compare a model without it"
         )
 
 
