@@ -51,26 +51,24 @@ text: str = mb.modes(m).frequency
 """
 
 
-def checked(tmp_path, text):
-    """Lines in which strict mypy finds errors, and what it says."""
-    script = tmp_path / "script.py"
-    script.write_text(text, encoding="utf-8")
-    command = [sys.executable, "-m", "mypy", "--strict", "--follow-imports=silent", "--config-file=", str(script)]
-    env = {**os.environ, "MYPYPATH": str(ROOT / "python"), "MYPY_CACHE_DIR": str(tmp_path / "cache")}
-    done = subprocess.run(command, env=env, cwd=tmp_path, capture_output=True, text=True, check=False, timeout=600)
-    errors = [line for line in done.stdout.splitlines() if "error:" in line]
-    return sorted({int(line.split(":")[1]) for line in errors}), done.stdout + done.stderr
+@pytest.fixture(scope="module")
+def checked(tmp_path_factory):
+    """Lines of both scripts in which strict mypy finds errors, and what it says; one run, since it reads the whole package."""
+    folder = tmp_path_factory.mktemp("types")
+    scripts = {"right.py": RIGHT, "wrong.py": WRONG}
+    for name, text in scripts.items():
+        (folder / name).write_text(text, encoding="utf-8")
+    command = [sys.executable, "-m", "mypy", "--strict", "--follow-imports=silent", "--config-file=", *scripts]
+    env = {**os.environ, "MYPYPATH": str(ROOT / "python"), "MYPY_CACHE_DIR": str(folder / "cache")}
+    done = subprocess.run(command, env=env, cwd=folder, capture_output=True, text=True, check=False, timeout=600)
+    found = [line.split(":") for line in done.stdout.splitlines() if "error:" in line]
+    lines = {name: sorted({int(at) for file, at, *_ in found if file == name}) for name in scripts}
+    return lines, done.stdout + done.stderr
 
 
 @pytest.mark.slow
-def test_a_user_s_script_is_typed(tmp_path):
+def test_scripts_are_typed_and_mypy_refuses_what_the_package_refuses(checked):
     pytest.importorskip("mypy")
-    lines, said = checked(tmp_path, RIGHT)
-    assert lines == [], said
-
-
-@pytest.mark.slow
-def test_mypy_refuses_what_the_package_refuses(tmp_path):
-    pytest.importorskip("mypy")
-    lines, said = checked(tmp_path, WRONG)
-    assert lines == list(range(5, len(WRONG.splitlines()) + 1)), said
+    lines, said = checked
+    assert lines["right.py"] == [], said
+    assert lines["wrong.py"] == list(range(5, len(WRONG.splitlines()) + 1)), said

@@ -57,6 +57,7 @@ _HOME = {
     "Performance": "aero.steady_rotors",
     "RotorResponse": "aero.dynamic_inflow",
     "RotorWake": "aero.rotor_wakes",
+    "StallResponse": "aero.separation",
     "WingLoads": "aero.wings",
     "WingStart": "aero.wings",
     "simulate": "motion.simulate",

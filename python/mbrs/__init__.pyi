@@ -13,6 +13,7 @@ from ._lib import text as report
 from ._lib.version import __version__ as __version__
 from .aero.dynamic_inflow import RotorResponse as RotorResponse
 from .aero.rotor_wakes import RotorWake as RotorWake
+from .aero.separation import StallResponse as StallResponse
 from .aero.steady_rotors import Performance as Performance
 from .aero.wings import WingLoads as WingLoads
 from .aero.wings import WingStart as WingStart

@@ -282,6 +282,10 @@ pub mod rolling {
 
 /// Periodic motions: dynamic stiffness, residuals, events.
 pub mod periodic {
+    /// A coordinate counts at least as if it held this part of the largest root of an energy. Larger: steps of what is small beside the
+    /// rest are not measured. Smaller: what vanishes by symmetry measures steps by rounding. Not scanned.
+    pub const LEAST_SCALE: f64 = 1e-6;
+
     /// Part of the sum of the absolute terms of an entry of the condensed dynamic stiffness within which a change hides in the entry's
     /// own rounding: two units in the last place. Free of units. Too large: S is extrapolated where it has visibly changed, and Newton's
     /// method goes to the wrong place before the accepted residual stops it; too small: one factorisation more per correction.

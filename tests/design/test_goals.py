@@ -200,7 +200,8 @@ def test_a_mode_is_followed_through_a_crossing():
     assert mb.modes(m).frequency == pytest.approx([modes.frequency[1], wanted], rel=1e-5)
 
 
-def test_modes_of_a_repeated_group_and_of_an_equilibrium():
+@pytest.mark.exact  # noise on the numbers of the legs parts the group
+def test_modes_of_a_repeated_group():
     m = mb.examples.cubic_hexapod()
     modes = mb.modes(m)
     assert modes.groups
@@ -208,6 +209,8 @@ def test_modes_of_a_repeated_group_and_of_an_equilibrium():
     slope = goal.both(m, ["k_leg"])[1]
     assert slope == pytest.approx(differences(goal, m, ["k_leg"]), rel=1e-7)
 
+
+def test_modes_at_an_equilibrium():
     g = mb.Model("pendulum", gravity=(0, -9.81, 0))
     p = g.body("p", mass=1.3, inertia=(0.1, 0.12, 0.15), at=(0.9, 0.1, 0))
     g.revolute("A", g.ground, p, at=(0, 0, 0), axis="z", k=3.0, c=0.1)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 
+import jitter
 import mbrs as mb
 import numpy as np
 import pytest
@@ -86,7 +87,7 @@ def test_the_core_computes_what_python_computes(name):
         assert np.array_equal(np.isnan(fast[key]), np.isnan(expected))
         assert (
             fast[key] == pytest.approx(expected, rel=1e-10, abs=0, nan_ok=True)
-            or np.nanmax(np.abs(fast[key] - expected) / np.where(scale > 0, scale, 1)) < 1e-12
+            or np.nanmax(np.abs(fast[key] - expected) / np.where(scale > 0, scale, 1)) < 1e-12 + 100 * jitter.level()
         )
 
 

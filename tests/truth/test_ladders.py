@@ -86,6 +86,16 @@ def test_modes_of_ladders(n, order, numbers):
     assert np.allclose(r.omega, w, rtol=(1e-13 + jitter.level()) * (10 + n)) and r.status == "converged"
 
 
+@pytest.mark.parametrize("numbers", NUMBERS, ids=("short", "long"))
+def test_estimates_of_ladders(numbers):
+    """Rounding of places and of the rows of joints, which grows with the height: no estimate is below the error, none absurd."""
+    for n in (3, 5, 9, 20, 60, 160, 400):
+        r = mb.modes(ladder(n, **numbers), n=min(n, 8))
+        error = np.abs(r.omega / exact(n, min(n, 8), **numbers) - 1)
+        print(f"{n} layers, {r.stats.route}: error {error.max():.1e}, estimate {r.error.max():.1e}")
+        assert np.all(error < r.error + 3 * jitter.level() * n) and r.error.max() < 1e3 * error.max()
+
+
 @pytest.mark.parametrize(("n", "order"), [(7, False), (130, True), (1600, False)])
 def test_mobility_of_ladders(n, order):
     system = mb.System(ladder(n, order=order, **NUMBERS[1]))

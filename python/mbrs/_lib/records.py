@@ -56,6 +56,7 @@ HOMES: Mapping[str, str] = {
     "BladeLoads": "motion.air",
     "Cores": "aero.lattice",
     "Wake": "aero.lattice",
+    "StallResponse": "aero.separation",
     "WingLoads": "aero.wings",
     "WingStart": "aero.wings",
     "Designs": "design.table",

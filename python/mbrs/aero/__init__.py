@@ -9,6 +9,7 @@ from .polar_files import read_polar
 from .polars import Polar, polar
 from .rotor_wakes import RotorWake, rotor_wake
 from .rotors import Rotor, rotor
+from .separation import StallResponse, dynamic_stall
 from .steady_rotors import Performance, performance
 from .winds import Wind, wind
 from .wings import WingLoads, WingStart, impulsive_start, lifting_line
@@ -22,11 +23,13 @@ __all__ = [
     "Rotor",
     "RotorResponse",
     "RotorWake",
+    "StallResponse",
     "Wind",
     "WingLoads",
     "WingStart",
     "attached_flow",
     "blade",
+    "dynamic_stall",
     "impulsive_start",
     "indicial",
     "induced_velocity",

@@ -16,6 +16,7 @@ from ..errors import ModelError
 from .blades import Blade
 from .circulation import bound_circulation
 from .dynamic_inflow import SHARE, time_constants
+from .lags import lag_step
 from .lattice import Frame, March, Wake
 from .lines import Lines
 from .momentum import Annuli
@@ -26,7 +27,7 @@ from .wake_options import WakeOptions, wake_options
 from .wake_paths import prescribed, wind_path
 from .winds import Wind, wind
 
-__all__ = ["Blades", "DynamicInflow", "Induction", "RotorWakeInduction", "induction"]
+__all__ = ["Blades", "DynamicInflow", "Induction", "RotorWakeInduction", "induction", "rotor_frame"]
 
 # Steps of a turn where none are asked for, and the most that one may be of a turn.
 STEPS, LEAST_STEPS = 24, 12
@@ -147,6 +148,7 @@ class Induction(Protocol):
     """A source of induced velocities (b n, 3) m/s in the axes of the sections, a step after the other."""
 
     step: float
+    blades: Blades
 
     def start(self, rows: Rows) -> np.ndarray:
         """At the beginning of the motion."""
@@ -249,21 +251,14 @@ class DynamicInflow:
         assert self.now is not None
         old, inner, outer = self.now
         w, _, (t1, t2) = self._quasi_steady(rows)
-        one = _lag(self.step, t1[:, None], inner, (1.0 - SHARE) * old, (1.0 - SHARE) * w)
-        two = _lag(self.step, t2[:, None], outer, inner + SHARE * old, one + SHARE * w)
+        one = lag_step(self.step, t1[:, None], inner, (1.0 - SHARE) * old, (1.0 - SHARE) * w)
+        two = lag_step(self.step, t2[:, None], outer, inner + SHARE * old, one + SHARE * w)
         self.later = (w, one, two)
         return self._velocity(rows, two)
 
     def accept(self) -> None:
         """Take the last trial."""
         self.now = self.later
-
-
-def _lag(h: float, lag: np.ndarray, y: np.ndarray, force: np.ndarray, later: np.ndarray) -> np.ndarray:
-    """A step of y + lag y' = force."""
-    keep = np.exp(-h / lag)
-    ramp = 1.0 - (1.0 - keep) * lag / h
-    return keep * y + (1.0 - keep) * force + ramp * (later - force)
 
 
 class RotorWakeInduction:

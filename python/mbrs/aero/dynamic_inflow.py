@@ -12,8 +12,10 @@ import numpy as np
 from .._lib.checks import choice, count, real_array, shown
 from ..errors import ModelError
 from ..results import Result, Stats, quantity, result
+from .lags import lagged
 from .momentum import inflow as momentum_inflow
 from .rotors import Rotor
+from .separation import Separation
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -67,6 +69,7 @@ def rotor_response(
     density: float = 1.225,
     inflow: str = "dynamic-inflow",
     elements: int = 40,
+    stall: float = 0.0,
 ) -> RotorResponse:
     """Loads of a rigid rotor while wind, speed or pitch change, in wind that may come from the side.
 
@@ -93,6 +96,9 @@ def rotor_response(
         "dynamic-inflow", or "bem": without lag.
     elements
         Along the blade, 8 to 10000; even.
+    stall
+        Oeye's dynamic stall: chords of the flow over which the separation of each section of each blade lags behind its angle of
+        attack, as ``lag`` of `mbrs.aero.dynamic_stall` (4 is usual); 0 for the static polars.
 
     Returns
     -------
@@ -138,9 +144,11 @@ def rotor_response(
     if max(abs(y), abs(tau)) > np.pi / 3.0:
         raise ModelError(f"rotor_response: yaw and tilt must be within 60 degrees, in radians; they are {yaw}, {tilt}")
     direction = np.array([np.cos(y) * np.cos(tau), np.sin(y) * np.cos(tau), np.sin(tau)])
-    lag = inflow == "dynamic-inflow"
-    full = _loads(rotor, when, given, direction, m, lag)
-    coarse = _loads(rotor, when[::2], [v[::2] for v in given], direction, m, lag)
+    lag, chords = inflow == "dynamic-inflow", _one("stall", stall)
+    if chords < 0.0:
+        raise ModelError(f"rotor_response: stall must not be negative, it is {shown(stall)}")
+    full = _loads(rotor, when, given, direction, m, lag, chords)
+    coarse = _loads(rotor, when[::2], [v[::2] for v in given], direction, m, lag, chords)
     rotor.blade.require(full["places"], full["angle"].reshape(-1, m))
     thrust = rho * full["thrust"]
     size = np.max(np.abs(full["thrust"]))
@@ -173,18 +181,8 @@ def lagging(t: np.ndarray, quasi_steady: np.ndarray, first: np.ndarray, second: 
     """(n, m): what follows ``quasi_steady`` (n, m) at times (n,) s with the two lags (n, m) s, at rest when it begins."""
     h = np.diff(t)[:, None]
     rest = (1.0 - SHARE) * quasi_steady
-    inner = _filtered(h, rest, 0.5 * (first[1:] + first[:-1]))
-    return _filtered(h, inner + SHARE * quasi_steady, 0.5 * (second[1:] + second[:-1]))
-
-
-def _filtered(h: np.ndarray, force: np.ndarray, lag: np.ndarray) -> np.ndarray:
-    """y + lag y' = force, exactly for a force that is linear within a step; y begins as the force."""
-    out = force.copy()
-    keep = np.exp(-h / lag)
-    ramp = 1.0 - (1.0 - keep) * lag / h
-    for i in range(len(h)):
-        out[i + 1] = keep[i] * out[i] + (1.0 - keep[i]) * force[i] + ramp[i] * (force[i + 1] - force[i])
-    return out
+    inner = lagged(h, rest, 0.5 * (first[1:] + first[:-1]))
+    return lagged(h, inner + SHARE * quasi_steady, 0.5 * (second[1:] + second[:-1]))
 
 
 def _each(name: str, value: Any, n: int) -> np.ndarray:
@@ -204,7 +202,7 @@ def _one(name: str, value: Any) -> float:
 
 
 def _loads(
-    rotor: Rotor, t: np.ndarray, given: list[np.ndarray], direction: np.ndarray, m: int, lag: bool
+    rotor: Rotor, t: np.ndarray, given: list[np.ndarray], direction: np.ndarray, m: int, lag: bool, stall: float
 ) -> dict[str, np.ndarray]:
     """Thrust and torque (n,) over the density, axial induced velocity (n, m), angles of attack (n, b, m)."""
     wind, speed, pitch = given
@@ -236,7 +234,12 @@ def _loads(
     phi = np.arctan2(normal, tangential)
     angle = phi - twist[:, None]
     c = annuli.coefficients(angle)
-    scale = 0.5 * rotor.blade.chords(places) * lengths * (normal**2 + tangential**2)
+    square = normal**2 + tangential**2
+    if stall:
+        section = Separation.of(lambda x: annuli.coefficients(x)[..., 0], m)
+        passage = stall * rotor.blade.chords(places) / np.sqrt(np.maximum(square, np.finfo(float).tiny))
+        c[..., 0] = section.lift(t, angle, passage)[1]
+    scale = 0.5 * rotor.blade.chords(places) * lengths * square
     push = scale * (c[..., 0] * np.cos(phi) + c[..., 1] * np.sin(phi))
     drive = scale * (c[..., 0] * np.sin(phi) - c[..., 1] * np.cos(phi))
     return {

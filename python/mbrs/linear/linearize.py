@@ -15,6 +15,7 @@ from .._lib.border import core_errors
 from ..errors import MbrsWarning, ModelError
 from ..model.model import Model
 from ..results import Stats
+from ..system.air_flow import require_covered_at
 from ..system.effects import check_without, effects
 from ..system.snapshot import Snapshot
 from ..system.state import State, state_of
@@ -99,6 +100,7 @@ def linearization_at(
 ) -> Linearization:
     """The linearisation of the core's matrices ``r`` at a state."""
     model, error = snapshot.model, r["error"]
+    require_covered_at(snapshot, state, without)
     if state.kind == "equilibrium" and error > BALANCED:  # of values that have changed since
         state = replace(state, kind="given")
     if warn and not state.moving and error > BALANCED:

@@ -41,7 +41,8 @@ class ModalResult(Result):
 
     ``stats.route`` names the algorithm. ``error`` (n,) estimates the relative error of each eigenvalue: that of the algorithm
     and, for undamped and proportionally damped systems, that of the data, which is what rounding of the entries of K and M (or
-    of their factors), made before they were given, can do to it. For rigid modes it is the frequency (rad/s) that this rounding
+    of their factors), made before they were given, can do to it; of models also what rounding of the places that they are drawn at
+    does. For rigid modes it is the frequency (rad/s) that this rounding
     hides. ``status`` is "unresolved" unless every backward error is at most 1e-9 and every error at most 1e-4.
 
     Attributes

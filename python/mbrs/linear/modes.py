@@ -16,6 +16,7 @@ from .._lib.progress import while_long
 from ..errors import ModelError, SingularError
 from ..model.book import Book
 from ..model.schema import LAW_OF_CODE
+from .linearization import Linearization
 from .linearize import second_order_of
 from .matrices import MechanicalSystem
 from .modal_result import ModalResult, array_of, modal_result
@@ -193,9 +194,18 @@ def _dense(
         names = tuple(system.coordinates)
         text = re.sub(r"\{coordinate (\d+)\}", lambda hit: f"coordinate {names[int(hit[1])]!r}", str(problem))
         raise SingularError(text) from None
+    r["error"] = r["error"] + _rounding_of_places(system, r)
     if shift is not None and n is not None:
         r = _nearest(r, n, shift)
     return modal_result(system, r, n, effects, start)
+
+
+def _rounding_of_places(system: Any, r: dict[str, Any]) -> np.ndarray:
+    """Relative error of each root by the rounding of places that a model is drawn with, which its M and K inherit."""
+    if not isinstance(system, Linearization):
+        return np.zeros(len(r["error"]))
+    place = np.finfo(float).eps * system.snapshot.system.remoteness(system.state.q)
+    return np.where(np.isnan(r["condition"]), 0.0, place * r["condition"])
 
 
 def _with_its_masses(

@@ -23,7 +23,7 @@ from .linearization import Linearization
 from .linearize import linearization_at, matrices_at
 from .spin import Spin, spin_of
 from .state_result import StateResult
-from .turning_frames import Frame, sampled
+from .turning_frames import STILL_AIR, Frame, sampled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -366,7 +366,7 @@ def _solve(
             best, known = size, now
         step *= min(1.0, 0.3 / longest)
         with core_errors():
-            q = snapshot.system.advance(q, step)
+            q = snapshot.system.advance(q, step, list(STILL_AIR))
     raise ConvergenceError(
         f"no steady motion of {snapshot.model.name!r} was found at these speeds within {_MAX_ITERATIONS} iterations; approach them in "
         "steps (at= takes a slower steady motion)"

@@ -42,6 +42,8 @@ ROUNDING = 1e-10
 # stiff bearings pass. Smaller: such noise refuses symmetric rotors. Pinned by tests/truth/test_steady_rotation.py with jitter.
 NOISE = 2e-11
 _ROUNDED_PLACES = 64 * np.finfo(float).eps
+# Bodies advance along the maps of the joints, for which no air is needed.
+STILL_AIR = ("aerodynamics",)
 # How well the motion of all bodies has to be representable in a frame, over its size.
 FITS = 1e-9
 
@@ -321,7 +323,7 @@ def sampled(snapshot: Snapshot, spin: Spin, state: State, without: tuple[str, ..
     for t in times:
         step, rate = spin.later(state.rate, t)
         with core_errors():
-            q = snapshot.system.advance(state.q, step[kept], list(without)) if t else state.q
+            q = snapshot.system.advance(state.q, step[kept], [*without, *STILL_AIR]) if t else state.q
             r = snapshot.system.linearize(
                 q, rate, list(without), state.memory.tolist(), spin.acceleration(rate).tolist(), raw=True
             )

@@ -179,6 +179,18 @@ def _check_blade(name: str, blade: dict[str, Any], polars: set[str]) -> None:
     arrays = [np.asarray(blade[key], dtype=float) for key in (*_SINGLE[1:], *BLADE[5:10], "share")]
     if not all(np.all(np.isfinite(a)) for a in arrays):
         raise problem(what, "hold numbers that are not finite")
+    for key in ("width", "chord"):
+        if np.any(np.asarray(blade[key]) <= 0.0):
+            k = int(np.argmax(np.asarray(blade[key]) <= 0.0))
+            raise problem(
+                what, f"of {blade['body']!r} have the {key} {blade[key][k]:g} m at section {k + 1}; it must be positive"
+            )
+    if np.any(np.diff(blade["place"]) <= 0.0):
+        k = int(np.argmax(np.diff(blade["place"]) <= 0.0)) + 1
+        raise problem(
+            what,
+            f"of {blade['body']!r} have sections whose place does not increase: section {k + 1} is at {blade['place'][k]:g} m",
+        )
 
 
 def _place(air: Aerodynamics, owner: Body, blade: dict[str, Any]) -> tuple[list[int], np.ndarray]:

@@ -12,14 +12,15 @@ import numpy as np
 from .. import _core
 from .._lib.border import core_errors
 from .._lib.progress import Progress
-from ..aero.coupled import Induction, RotorWakeInduction, Rows, induction
+from ..aero.coupled import Induction, RotorWakeInduction, Rows, induction, rotor_frame
 from ..errors import ModelError
 from ..model.aerodynamics import Aerodynamics
 from ..model.air_schema import INFLOWS
 from ..model.tables import tables, tables_with_nodes
+from ..system.air_flow import FLOW, flows
 from ..system.snapshot import Snapshot
 from ..system.state import State
-from .air import FLOW, flows
+from .wake_steps import warn_long_steps, warn_long_turn
 
 # Largest change of an induced velocity, over the wind, at which a step of a tightly coupled wake is done, and rounds until then.
 AGREED, MOST_ROUNDS = 1e-4, 8
@@ -76,8 +77,10 @@ def march(
     if going is None:
         # a motion of no length: drives have their rates, and laws their memory
         first = run(snapshot, state, {**options, "end": state.t, "outputs": [state.t]})
-        rows = rows_of(flows(snapshot.system, first["t"], first["q"], first["rate"], first["memory"]), blades)
+        flow = flows(snapshot.system, first["t"], first["q"], first["rate"], first["memory"])
+        rows = rows_of(flow, blades)
         inflow = induction(air, rows)
+        warn_long_steps(air, snapshot, flow, inflow.step)
         going = Going(inflow, state.t, [inflow.start(rows)])
     inflow, h, end = going.inflow, going.inflow.step, options["end"]
     total = max(int(np.ceil((end - going.t) / h - SHORTEST)), 1)
@@ -107,6 +110,7 @@ def march(
             filaments += _drawn(inflow)
             state = there
             progress.advance(note=f"t = {until:.4g} s")
+    warn_long_turn(air, window.fastest, h)
     out = _joined(parts, options, window.rounds)
     if cut:
         out["status"] = "interrupted"
@@ -124,6 +128,8 @@ class _Window:
         self.most = MOST_ROUNDS if air.coupling == "tight" else 1
         self.scale = max(abs(air.values("speed")[0]), 1e-300)
         self.rounds = 0
+        # rad/s: of the rotor, at the ends of windows
+        self.fastest = 0.0
 
     def pass_through(
         self, k: int, state: State, until: float, known: list[np.ndarray], whole: bool
@@ -138,7 +144,9 @@ class _Window:
             if made["status"] != "finished" or not whole:
                 return made, None, guess
             there = State(made["q"][-1], made["rate"][-1], "given", made["memory"][-1], until)
-            found = self.inflow.trial(rows_of(flows(self.history.system, *_one(there)), self.blades))
+            rows = rows_of(flows(self.history.system, *_one(there)), self.blades)
+            self.fastest = max(self.fastest, abs(rotor_frame(self.inflow.blades, rows)[1]))
+            found = self.inflow.trial(rows)
             change, guess = float(np.max(np.abs(found - guess))) / self.scale, found
             if change <= AGREED:
                 break

@@ -18,10 +18,10 @@ from .._lib.progress import Progress
 from ..errors import ConvergenceError, Interrupted, MbrsWarning, ModelError
 from ..model.tables import directions
 from ..results import Stats
+from ..system.air_flow import flows, require_covered
 from ..system.effects import LINEAR_ONLY, check_without, effects
 from ..system.snapshot import Snapshot
 from ..system.state import State, state_of
-from .air import flows, require_covered
 from .air_march import march, stepped
 from .amplification import warn_amplified
 from .trajectory import Trajectory
@@ -384,7 +384,7 @@ def _compared_with(traj: Trajectory, options: dict[str, Any]) -> tuple[dict[str,
     """Options of the run that the error is estimated with, and the factor from the distance of both to the error.
 
     Errors of controlled steps scatter about their tolerance, most of all behind kinks, so that a tighter run tells more than a looser
-    one; methods of order two could not afford it. Of a looser run that may be as good by chance the whole distance counts.
+    one; methods of order two could not afford it. The whole distance to a looser run counts, which may be as good by chance.
     """
     if "step" in options:
         return {"step": 2.0 * options["step"]}, 1.0 / (2.0 ** _ORDER[traj.method] - 1.0)

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["blade_loads", "circulation", "performance", "response", "start", "wake"]
+__all__ = ["blade_loads", "circulation", "performance", "response", "stall", "start", "wake"]
 
 
 def performance(result: Any, *, ax: Axes | None = None) -> Figure:
@@ -69,6 +69,20 @@ def response(result: Any, *, ax: Axes | None = None) -> Figure:
         made, axes = canvas(ax)
         axes.plot(result.time, result.thrust, color=colours(axes, 1)[0])
         axes.set(xlabel="time [s]", ylabel="thrust [N]", title="rotor in time")
+    return made
+
+
+def stall(result: Any, *, ax: Axes | None = None) -> Figure:
+    """Lift coefficient over the angle of attack in degrees, in time and in steady flow."""
+    with style():
+        made, axes = canvas(ax)
+        moving, steady = colours(axes, 2)
+        order = np.argsort(result.angle_of_attack)
+        a = np.degrees(result.angle_of_attack)
+        axes.plot(a[order], result.static_lift[order], "--", color=steady, label="steady flow")
+        axes.plot(a, result.lift, color=moving, label="in time")
+        axes.set(xlabel="angle of attack [degrees]", ylabel="lift coefficient", title="dynamic stall")
+        legend(axes)
     return made
 
 

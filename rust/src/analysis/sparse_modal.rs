@@ -8,7 +8,7 @@ use crate::error::{Error, Result};
 use crate::linalg::krylov::{Operator, Options, Ritz, Space};
 use crate::linalg::sparse::Csc;
 use crate::run::{Cancel, Counts};
-use crate::tolerances::modes::{BISECTIONS, PATIENCE};
+use crate::tolerances::modes::{BISECTIONS, DATA_ROUNDING, PATIENCE};
 
 /// Share of eps |K|/|M| that the rounding of an assembled K moves its eigenvalues by, typical of chains (measured).
 const ENTRY_NOISE: f64 = 0.05;
@@ -274,6 +274,7 @@ fn finish(
     // one more inverse iteration: it shows the residual and improves the shapes
     let mut y = Mat::zeros(n, wanted);
     op.apply(x.as_ref(), y.as_mut())?;
+    let of_rows = pencil.row_sensitivity(op, y.as_ref());
     let mut residual = vec![0.0; wanted];
     for k in 0..wanted {
         let theta = values[k];
@@ -309,7 +310,8 @@ fn finish(
         if lambda[k] > 0.0 && lambda[k] < 1e-6 * sigma.abs() {
             softest = softest.min(lambda[k]);
         }
-        error[k] = data / lambda[k].abs() + from_vector + ROUNDING;
+        let rows = DATA_ROUNDING * 0.5 * f64::EPSILON * of_rows[k];
+        error[k] = (data + rows) / lambda[k].abs() + from_vector + ROUNDING;
     }
     let mut order: Vec<usize> = (0..wanted).collect();
     order.sort_by(|a, b| lambda[*a].total_cmp(&lambda[*b]));

@@ -25,6 +25,10 @@ pub trait Pencil {
     fn shifted(&self, sigma: f64) -> Result<ShiftInvert<'_>>;
     /// Rayleigh quotients, where they can be had more accurately than the Ritz values.
     fn energies(&self, x: MatRef<'_, f64>) -> Option<Vec<f64>>;
+    /// Change of each eigenvalue, at most, for a relative change of every entry of the rows, where y is what was solved for last.
+    fn row_sensitivity(&self, _op: &ShiftInvert<'_>, y: MatRef<'_, f64>) -> Vec<f64> {
+        vec![0.0; y.ncols()]
+    }
     /// Number of eigenvalues below s, None where it cannot be told.
     fn count_below(&self, s: f64) -> Option<usize>;
     /// Upper bound of the order of magnitude of the largest eigenvalue.
@@ -331,6 +335,20 @@ impl Pencil for Mixed {
         let dot = |a: &Mat<f64>, c: usize| (0..x.nrows()).map(|i| x[(i, c)] * a[(i, c)]).sum::<f64>();
         let quotient = |c: usize| (self.stiffness.energy(&stretch, c) + dot(&geometric, c)) / dot(&inertia, c);
         Some((0..x.ncols()).map(quotient).collect())
+    }
+
+    /// A change dG of the rows changes lambda by 2 f^T dG y / y^T M y, f the forces in them.
+    fn row_sensitivity(&self, op: &ShiftInvert<'_>, y: MatRef<'_, f64>) -> Vec<f64> {
+        let solved = op.rhs.borrow();
+        let n = self.m.rows;
+        let mut inertia = Mat::zeros(n, y.ncols());
+        self.m.multiply(y, inertia.as_mut(), false);
+        let mut sum = vec![0.0; y.ncols()];
+        for (c, sum) in sum.iter_mut().enumerate() {
+            let terms = self.rows.entries().map(|(i, j, g)| (solved[(n + i, c)] * g * y[(j, c)]).abs()).sum::<f64>();
+            *sum = 2.0 * terms / (0..n).map(|i| y[(i, c)] * inertia[(i, c)]).sum::<f64>();
+        }
+        sum
     }
 
     fn count_below(&self, s: f64) -> Option<usize> {

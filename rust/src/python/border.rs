@@ -1,4 +1,5 @@
 //! Arrays, errors, panics, callbacks and the interrupt: how everything crosses between Python and the core.
+use std::any::Any;
 use std::cell::RefCell;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::sync::Arc;
@@ -100,13 +101,18 @@ pub fn guarded<T: Send>(py: Python<'_>, work: impl FnOnce() -> Result<T> + Send)
 const LOOK: Duration = Duration::from_millis(40);
 const HAND_OVER: Duration = Duration::from_millis(110);
 
+/// A value whose type only the caller knows: workers are the same for all kinds of work, so that they are compiled once.
+type Value = Box<dyn Any + Send>;
+type Work = Box<dyn FnOnce(&Cancel) -> Result<Value> + Send>;
+type Ended = std::thread::Result<Result<Value>>;
+
 /// Work that may be long: runs on a thread of its own while this one looks for Ctrl-C. A faer call cannot be interrupted; the
 /// thread then finishes by itself and its result is dropped, so all that it uses must be owned.
 pub fn interruptible<T: Send + 'static>(
     py: Python<'_>,
     work: impl FnOnce(&Cancel) -> Result<T> + Send + 'static,
 ) -> PyResult<T> {
-    Worker::start(work)?.wait(py, || Ok(())).map_err(|cut| cut.raised)
+    Worker::start(erased(work))?.wait(py, &mut || Ok(())).map_err(|cut| cut.raised).and_then(typed)
 }
 
 /// The same for work that has something to give when it is cut: with its value comes whether Ctrl-C cut it. `look` is called beside
@@ -114,34 +120,43 @@ pub fn interruptible<T: Send + 'static>(
 pub fn interruptible_so_far<T: Send + 'static>(
     py: Python<'_>,
     work: impl FnOnce(&Cancel) -> Result<T> + Send + 'static,
-    look: impl FnMut() -> PyResult<()>,
+    mut look: impl FnMut() -> PyResult<()>,
 ) -> PyResult<(T, bool)> {
-    match Worker::start(work)?.wait(py, look) {
-        Ok(value) => Ok((value, false)),
-        Err(cut) if cut.raised.is_instance_of::<PyKeyboardInterrupt>(py) => match cut.worker {
-            Some(worker) => worker.handed_over(py).map(|value| (value, true)).ok_or(cut.raised),
-            None => Err(cut.raised),
-        },
+    match Worker::start(erased(work))?.wait(py, &mut look) {
+        Ok(value) => Ok((typed(value)?, false)),
+        Err(cut) if cut.raised.is_instance_of::<PyKeyboardInterrupt>(py) => {
+            match cut.worker.and_then(|worker| worker.handed_over(py)) {
+                Some(value) => Ok((typed(value)?, true)),
+                None => Err(cut.raised),
+            }
+        }
         Err(cut) => Err(cut.raised),
     }
 }
 
-/// Why a call ended without a value: what was raised, and the worker where it still runs.
-struct Cut<T> {
-    raised: PyErr,
-    worker: Option<Worker<T>>,
+fn erased<T: Send + 'static>(work: impl FnOnce(&Cancel) -> Result<T> + Send + 'static) -> Work {
+    Box::new(move |cancel| work(cancel).map(|value| Box::new(value) as Value))
 }
 
-type Ended<T> = std::thread::Result<Result<T>>;
+fn typed<T: 'static>(value: Value) -> PyResult<T> {
+    let other = |_| CoreError::new_err("internal error, please report it: a worker returned a value of another type");
+    value.downcast::<T>().map(|value| *value).map_err(other)
+}
+
+/// Why a call ended without a value: what was raised, and the worker where it still runs.
+struct Cut {
+    raised: PyErr,
+    worker: Option<Worker>,
+}
 
 /// Work on a thread of its own, seen from the thread that waits for it.
-struct Worker<T> {
+struct Worker {
     cancel: Arc<Cancel>,
-    receiver: Receiver<Ended<T>>,
+    receiver: Receiver<Ended>,
 }
 
-impl<T: Send + 'static> Worker<T> {
-    fn start(work: impl FnOnce(&Cancel) -> Result<T> + Send + 'static) -> PyResult<Self> {
+impl Worker {
+    fn start(work: Work) -> PyResult<Self> {
         let cancel = Arc::new(Cancel::default());
         let (sender, receiver) = channel();
         let own = cancel.clone();
@@ -159,14 +174,14 @@ impl<T: Send + 'static> Worker<T> {
     }
 
     /// Waits without the GIL.
-    fn receive(self, py: Python<'_>, time: Duration) -> (Self, std::result::Result<Ended<T>, RecvTimeoutError>) {
+    fn receive(self, py: Python<'_>, time: Duration) -> (Self, std::result::Result<Ended, RecvTimeoutError>) {
         py.detach(move || {
             let outcome = self.receiver.recv_timeout(time);
             (self, outcome)
         })
     }
 
-    fn wait(mut self, py: Python<'_>, mut look: impl FnMut() -> PyResult<()>) -> std::result::Result<T, Cut<T>> {
+    fn wait(mut self, py: Python<'_>, look: &mut dyn FnMut() -> PyResult<()>) -> std::result::Result<Value, Cut> {
         // a call within a callback is cut together with the call that it belongs to
         let outer = own_cancel();
         loop {
@@ -189,7 +204,7 @@ impl<T: Send + 'static> Worker<T> {
     }
 
     /// What work that was cut gives within a moment.
-    fn handed_over(self, py: Python<'_>) -> Option<T> {
+    fn handed_over(self, py: Python<'_>) -> Option<Value> {
         match self.receive(py, HAND_OVER).1 {
             Ok(ended) => flatten(ended).ok(),
             Err(_) => None,
@@ -197,7 +212,7 @@ impl<T: Send + 'static> Worker<T> {
     }
 }
 
-fn flatten<T>(outcome: Ended<T>) -> PyResult<T> {
+fn flatten<T>(outcome: std::thread::Result<Result<T>>) -> PyResult<T> {
     match outcome {
         Ok(Ok(value)) => Ok(value),
         Ok(Err(error)) => Err(error.into()),

@@ -161,6 +161,7 @@ fn put_run<'py>(py: Python<'py>, run: &Run) -> PyResult<Bound<'py, PyDict>> {
     Ok(out)
 }
 
+/// Rows of rates or memories without columns are those of states at rest, and of laws at rest.
 fn motions(
     system: &System,
     t: &PyReadonlyArray1<'_, f64>,
@@ -170,15 +171,16 @@ fn motions(
 ) -> Result<Vec<Motion<f64>>> {
     let (t, q, v, z) = (values(t), q.as_array(), rate.as_array(), memory.as_array());
     let n = t.len();
+    let fits = |found: &[usize], size: usize| found == [n, size] || found == [n, 0];
     if q.shape() != [n, system.topology.n_q]
-        || v.shape() != [n, system.n_tree()]
-        || z.shape() != [n, system.topology.n_memory]
+        || !fits(v.shape(), system.n_tree())
+        || !fits(z.shape(), system.topology.n_memory)
     {
         return Err(Error::model("the instants do not fit the model"));
     }
-    Ok((0..n)
-        .map(|i| Motion { t: t[i], q: q.row(i).to_vec(), rate: v.row(i).to_vec(), memory: z.row(i).to_vec() })
-        .collect())
+    let rate = |i: usize| if v.ncols() == 0 { vec![0.0; system.n_tree()] } else { v.row(i).to_vec() };
+    let memory = |i: usize| if z.ncols() == 0 { system.topology.at_rest(&[]) } else { z.row(i).to_vec() };
+    Ok((0..n).map(|i| Motion { t: t[i], q: q.row(i).to_vec(), rate: rate(i), memory: memory(i) }).collect())
 }
 
 /// Of an instant at which a drive has a kink: it ends what was before, or begins what follows.

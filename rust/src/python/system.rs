@@ -215,6 +215,12 @@ impl PySystem {
         self.0.length
     }
 
+    /// Rounding of M and K by places that are drawn in the world, over eps.
+    fn remoteness(&self, q: PyReadonlyArray1<'_, f64>) -> PyResult<f64> {
+        let q = state_of(&self.0, &q, &empty(q.py())?)?.q;
+        Ok(self.0.remoteness(&q))
+    }
+
     /// Tree, cut joints and coordinates: what the structure alone decides.
     fn topology<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let topology = &self.0.topology;

@@ -14,6 +14,7 @@
 //! constraint  functions of several coordinates as rows
 //! rows        values and Jacobian of all constraint rows
 //! rank        which of them are redundant, decided once
+//! remoteness  rounding of places beside the arms of bodies
 //! islands     bodies that nothing connects
 //! singular_pose  where they depend on each other to first order only
 //! closure     from the drawing to closed loops
@@ -37,6 +38,7 @@ pub mod parts;
 pub mod path;
 pub mod placement;
 pub mod rank;
+pub mod remoteness;
 pub mod rows;
 pub mod singular_pose;
 pub mod sparse;

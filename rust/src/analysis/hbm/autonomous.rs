@@ -7,7 +7,7 @@ use super::problem::{Parameter, Problem};
 use crate::error::Result;
 use crate::run::Cancel;
 use crate::solve::newton::{self, Options, Outcome};
-use crate::solve::{Curve, Linearisation, largest};
+use crate::solve::{Curve, Linearisation, nan_or_largest};
 
 /// Unknowns [y, omega]; the added equation is phase . y = 0.
 pub struct Cycle<'a> {
@@ -94,7 +94,9 @@ pub fn estimate(problem: &Problem, z: &[f64], finer: &Finer) -> Result<f64> {
     cycle.linearise(&extended, 0.0, &mut out)?;
     let mut step = faer::Mat::from_fn(size + 1, 1, |i, _| out.residual[i]);
     out.jacobian.partial_piv_lu().solve_in_place(&mut step);
-    let largest = largest(&z[..n]);
-    let change: f64 = (0..size).map(|i| step[(i, 0)].powi(2)).sum::<f64>().sqrt() / largest;
+    let weights = problem.weights();
+    let weight = |i: usize| weights[i % weights.len()];
+    let largest = nan_or_largest((0..n).map(|i| (z[i] * weight(i)).abs()));
+    let change: f64 = (0..size).map(|i| (step[(i, 0)] * weight(i)).powi(2)).sum::<f64>().sqrt() / largest;
     Ok(change + (step[(size, 0)] / z[n]).abs())
 }

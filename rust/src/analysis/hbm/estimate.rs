@@ -15,7 +15,7 @@ pub struct Estimator {
     y: Vec<f64>,
 }
 
-/// The first two relative to the largest coefficient.
+/// The first two relative to the largest coefficient, coordinates weighed by `Problem::weights`.
 #[derive(Debug, Clone, Default)]
 pub struct Estimate {
     pub error: f64,
@@ -55,14 +55,16 @@ impl Estimator {
         self.out.jacobian.partial_piv_lu().solve_in_place(&mut steps);
         let step = steps.col_as_slice(0);
         let n = problem.n();
-        let largest = nan_or_largest(amplitudes(y, n));
+        let weights = problem.weights();
+        let largest = nan_or_largest(amplitudes(y, n).zip(weights.iter().cycle()).map(|(a, w)| a * w));
         let deviations = coordinate_sums(step, n);
         if largest == 0.0 && step.iter().all(|x| *x == 0.0) {
             return Ok(Estimate { deviations, ..Estimate::default() });
         }
         // on the grid of the solution the first residuals vanish
-        let aliasing = nan_or_largest(coordinate_sums(&steps.col_as_slice(1)[..n_own], n).into_iter()) / largest;
-        Ok(Estimate { error: nan_or_largest(deviations.iter().copied()) / largest, aliasing, deviations })
+        let relative = |sums: &[f64]| nan_or_largest(sums.iter().zip(&weights).map(|(d, w)| d * w)) / largest;
+        let aliasing = relative(&coordinate_sums(&steps.col_as_slice(1)[..n_own], n));
+        Ok(Estimate { error: relative(&deviations), aliasing, deviations })
     }
 }
 
