@@ -228,7 +228,7 @@ CRATE = {
     "expressions": {"error", "spatial"},
     "force": {"error", "tolerances", "spatial", "expressions"},
     "joint": {"error", "tolerances", "spatial"},
-    "model": {"error", "tolerances", "spatial", "aero", "force", "joint"},
+    "model": {"error", "tolerances", "spatial", "aero", "expressions", "force", "joint"},
     "kinematics": {"error", "tolerances", "spatial", "force", "joint", "model"},
     "system": {"error", "tolerances", "run", "spatial", "aero", "linalg", "force", "joint", "model", "kinematics"},
     "second_order": {"error", "tolerances", "run", "linalg", "force"},

@@ -42,7 +42,7 @@ steps = (1e-2, 5e-3, 2.5e-3)
 table = show("five-bar, 5 s", BAR, steps, gradients(m, psi, ["spring1.length", "spring2.length"], steps))
 
 m = mb.examples.nonholonomic_particle()
-psi = mb.Integral(lambda s: np.sum(s.position("carriage")[:2] ** 2) + (3.0 - s.position("slider")[0]) ** 2)
+psi = mb.Integral(lambda s: np.sum(s.position("point") ** 2))
 steps = (1e-2, 5e-3, 2.5e-3, 1.25e-3)
 table += show("nonholonomic particle, 5 s", PARTICLE, steps, gradients(m, psi, ["k", "m", "b"], steps))
 

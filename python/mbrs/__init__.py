@@ -131,6 +131,7 @@ _HOME = {
     "Joint": "model.joint",
     "Drive": "model.drives",
     "Coupler": "model.drives",
+    "Constraint": "model.constraints",
     "Element": "model.forces",
     "Load": "model.forces",
     "SectionLoad": "model.section_loads",

@@ -106,6 +106,7 @@ from .linear.steady import steady_motion as steady_motion
 from .model.bodies import Body as Body
 from .model.bodies import Ground as Ground
 from .model.bodies import Marker as Marker
+from .model.constraints import Constraint as Constraint
 from .model.drives import Coupler as Coupler
 from .model.drives import Drive as Drive
 from .model.expressions import Expression as Expression

@@ -290,7 +290,7 @@ class _Writer:
             ElementTree.SubElement(second, "mimic", given)
 
     def _name_the_rest(self) -> None:
-        for item in (*self.model.elements, *self.model.loads, *self.model.drives):
+        for item in (*self.model.elements, *self.model.loads, *self.model.drives, *self.model.constraints):
             self._omit(item, getattr(item, "type", item.kind))
         whole = f"model {self.model.name!r}"
         if self.model.gravity is not None:

@@ -202,7 +202,7 @@ def steady_motion(
     given = {} if speed is None and m.drives and "drives" not in without else _items(speed)
     driven = {_coordinate(m, snapshot.system, names, key): _speed(key, value) for key, value in given.items()}
     rate = _rates(snapshot, begin, driven, without)
-    if (m.drives or m.couplers) and np.any(rate):
+    if (m.drives or m.couplers or m.constraints) and np.any(rate):
         driven = {int(i): float(rate[i]) for i in np.flatnonzero(rate)}
     spin = spin_of(snapshot, begin.q, rate, tuple(driven), without)
     state, found, iterations, balanced = _solve(snapshot, begin, spin, names, driven, without)
@@ -240,13 +240,13 @@ def _frame(snapshot: Snapshot, spin: Spin, state: State, found: dict[str, Any], 
 
 
 def _rates(snapshot: Snapshot, begin: State, driven: Mapping[int, float], without: tuple[str, ...]) -> np.ndarray:
-    """Rates of the tree coordinates: the given ones, those of drives, and what couplers and rolling make of both; zero elsewhere."""
+    """Rates of the tree coordinates: the given ones, those of drives, what couplers, constraints and rolling make of them; else zero."""
     rate = np.zeros(snapshot.system.n_tree)
     for index, value in driven.items():
         rate[index] = value
     model = snapshot.model
     rolls = "nonholonomic" not in without and any(j.type in ("knife_edge", "rolling_disc") for j in model.joints)
-    if not (model.drives or model.couplers or rolls):
+    if not (model.drives or model.couplers or model.constraints or rolls):
         return rate
     with core_errors():
         rows = snapshot.system.rows(begin.q, np.zeros_like(rate), 0.0, list(without))

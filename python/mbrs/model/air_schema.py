@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from .schema import (
     BODY,
+    CONSTRAINT,
     COUPLER,
     DRIVE,
     ELEMENTS,
@@ -11,6 +12,7 @@ from .schema import (
     JOINTS,
     LOADS,
     MARKER,
+    VELOCITY_CONSTRAINT,
     Argument,
     Block,
     Field,
@@ -70,6 +72,8 @@ HEADINGS = {
     "joint": JOINTS,
     "drive": {"drive": DRIVE},
     "coupler": {"coupler": COUPLER},
+    "constraint": {"constraint": CONSTRAINT},
+    "velocity_constraint": {"velocity_constraint": VELOCITY_CONSTRAINT},
     "element": ELEMENTS,
     "load": LOADS,
     "marker": {"marker": MARKER},

@@ -29,6 +29,7 @@ STORES = (
     "gravity",
     "motion",
     "coupler",
+    "constraint",
     "flexible",
     "air",
     "section",
@@ -83,6 +84,7 @@ _INTERNAL = frozenset(
     | {"fields", "first", "first_coordinate", "flags", "function", "groups", "has", "index", "in_use", "joint", "lists", "model"}
     | {"modal_fields", "motion_fields", "motions", "n", "node_at", "node_point", "one_point", "owner", "place", "put", "recheck"}
     | {"second", "second_coordinate", "shapes", "size", "start", "store", "table", "take", "used", "uses", "values", "moves"}
+    | {"body", "n_rows", "of_velocities"}
     | {"moving", "add_nodes", "sections", "polars", "node_index", "coordinate", "frame", "place_now", "point_group"}
 )  # fmt: skip
 
@@ -267,6 +269,7 @@ class Book:
         self.loads: list[Any] = []
         self.drives: list[Any] = []
         self.couplers: list[Any] = []
+        self.constraints: list[Any] = []
         self.markers: list[Any] = []
         self.airs: list[Any] = []
         self.motions: list[Any] = []

@@ -36,6 +36,8 @@ def describe(book: Book, head: Table) -> Iterator[tuple[str, Table]]:
         yield "[[drive]]", _drive(drive)
     for coupler in book.couplers:
         yield "[[coupler]]", _coupler(coupler)
+    for constraint in book.constraints:
+        yield f"[[{constraint.table.heading}]]", constraint.described()
     for element in book.elements:
         yield "[[element]]", _add_laws({**_ends(element), **_numbers(element)}, element)
     for load in book.loads:

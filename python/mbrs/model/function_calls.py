@@ -20,11 +20,15 @@ class FunctionCall:
         """Raise where only the names of the functions are known."""
         for function in (self.function, self.derivatives):
             if isinstance(function, FunctionName):
-                raise problem(
-                    self.where,
-                    f"is the Python function {shown(function.name)}, which was not imported: a file is read as data. If you trust it, "
-                    "load it with functions=True",
-                )
+                raise self.not_imported(function)
+
+    def not_imported(self, function: FunctionName) -> Exception:
+        """The error of a function of which only the name is known."""
+        return problem(
+            self.where,
+            f"is the Python function {shown(function.name)}, which was not imported: a file is read as data. If you trust it, "
+            "load it with functions=True",
+        )
 
     def try_now(self) -> None:
         """Call both once, so that a mistake in them is seen early."""
@@ -42,9 +46,9 @@ class FunctionCall:
         square = [self._checked("derivatives", s, (self.m, self.m)) for s in slopes]
         return [*force, *square[0], *square[1]]
 
-    def _result(self, what: str, function: Any, t: float, u: Any, v: Any) -> Any:
+    def _result(self, what: str, function: Any, t: float, *motion: Any) -> Any:
         try:
-            return function(t, u, v)
+            return function(t, *motion)
         except BaseException as raised:
             raised.add_note(f"raised by the {what} of {self.where} at t = {t:.9g} s")
             raise

@@ -26,6 +26,8 @@ _TITLES = {
     "[[joint]]": "joints",
     "[[drive]]": "drives",
     "[[coupler]]": "couplers",
+    "[[constraint]]": "constraints",
+    "[[velocity_constraint]]": "velocity constraints",
     "[[element]]": "springs and dampers",
     "[[load]]": "loads",
     "[[marker]]": "markers",
@@ -47,7 +49,7 @@ def blocks(book: Book) -> list[Block]:
 def _summary(book: Book) -> str:
     counts = {
         "body": len(book.bodies), "joint": len(book.joints), "spring or damper": len(book.elements), "load": len(book.loads),
-        "drive": len(book.drives), "parameter": len(book.space.names),
+        "drive": len(book.drives), "constraint": len(book.constraints), "parameter": len(book.space.names),
     }  # fmt: skip
     parts = [f"{n} {_plural(what) if n > 1 else what}" for what, n in counts.items() if n]
     if book.gravity_item is not None:

@@ -15,6 +15,7 @@ from ..errors import ModelError
 from ..view.scene import SceneGeometry
 from . import aerodynamics as _aerodynamics
 from . import bodies as _bodies
+from . import constraints as _constraints
 from . import drives as _drives
 from . import flexible as _flexible
 from . import force_laws as _force_laws
@@ -27,6 +28,7 @@ from .aerodynamics import Aerodynamics
 from .aliases import Matrix, Vector, Vector3
 from .bodies import Body, Ground, Marker
 from .book import STORES, Book, Item, Store
+from .constraints import Constraint
 from .drives import Coupler, Drive
 from .expressions import Program, Symbol, rebuild_all
 from .forces import Element, Load
@@ -46,7 +48,20 @@ if TYPE_CHECKING:
 # What `dir(model)` leaves out: attributes that the package uses and a user does not.
 _INTERNAL = frozenset(vars(Book("names"))) | {name for name in vars(Book) if not name.startswith("_")}
 _PUBLIC = frozenset(
-    {"name", "bodies", "joints", "elements", "loads", "drives", "couplers", "markers", "airs", "tolerance", "units"}
+    {
+        "name",
+        "bodies",
+        "joints",
+        "elements",
+        "loads",
+        "drives",
+        "couplers",
+        "constraints",
+        "markers",
+        "airs",
+        "tolerance",
+        "units",
+    }
 )
 
 
@@ -108,6 +123,7 @@ class Model(Book):
     loads: list[Load]
     drives: list[Drive]
     couplers: list[Coupler]
+    constraints: list[Constraint]
     markers: list[Marker]
     airs: list[Aerodynamics]
 
@@ -154,6 +170,8 @@ class Model(Book):
 
     drive = _drives.drive
     coupler = _drives.coupler
+    constraint = _constraints.constraint
+    velocity_constraint = _constraints.velocity_constraint
 
     @overload
     def parameter(self, name: str, value: float | np.floating[Any] | np.integer[Any], unit: str = "") -> Symbol: ...

@@ -19,7 +19,7 @@ Role = Literal[
     "density",
 ]  # fmt: skip
 Form = Literal[
-    "text", "numbers", "points", "direction", "pose", "law", "motion", "load", "modal body", "shape", "wind", "data",
+    "text", "numbers", "points", "direction", "pose", "law", "motion", "load", "modal body", "shape", "wind", "data", "function",
 ]  # fmt: skip
 Check = Literal["", "positive", "not negative"]
 
@@ -438,7 +438,7 @@ ELEMENTS = {
     )
 }
 
-# --- loads, couplers ------------------------------------------------------------------------------------------
+# --- loads, couplers, constraints -----------------------------------------------------------------------------
 
 _LOAD = Block("load", [Field("at", (3,), "point", types=("force",)), Field("value", (3,), "force")])
 LOADS = {
@@ -456,6 +456,18 @@ COUPLER = Kind(
     "coupler",
     Block("coupler", [Field("ratio", (), "ratio"), Field("offset", (), "offset")]),
     _arguments("name first second ratio", "first_coordinate second_coordinate offset"),
+)
+CONSTRAINT = Kind(
+    "constraint",
+    "constraint",
+    Block("constraint", []),
+    _arguments("name fun motions", "derivatives", fun="function", motions="data", derivatives="motion"),
+)
+VELOCITY_CONSTRAINT = Kind(
+    "velocity_constraint",
+    "velocity_constraint",
+    Block("velocity_constraint", []),
+    _arguments("name fun motions", "d derivatives", fun="function", motions="data", d="motion", derivatives="motion"),
 )
 
 # --- flexible bodies ------------------------------------------------------------------------------------------

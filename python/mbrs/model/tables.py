@@ -55,6 +55,7 @@ def tables(model: Book, flexible: bool = True, absolute: bool = False) -> dict[s
     for motion in model.motions:
         if motion.function is not None:
             motion.function.check_callable()
+    _check_constraints(model)
     made = {"x": x(model), **_structure(model), **_shapes(model)}
     if not flexible:
         for key in node_tables(model, offsets(model)):
@@ -154,6 +155,19 @@ def _require_derivatives(model: Book) -> None:
                 f"the law of {law.owner.name!r} is a function with derivatives=, which has no derivatives by parameters; give a function "
                 "that can be traced"
             )
+    for constraint in model.constraints:
+        if isinstance(constraint.body, FunctionCall):
+            raise NotDifferentiableError(
+                f"constraint {constraint.name!r} is given with derivatives=, which are not enough for derivatives by parameters; give a "
+                "function that can be traced"
+            )
+
+
+def _check_constraints(model: Book) -> None:
+    """Functions of a file are data until they are imported."""
+    for constraint in model.constraints:
+        if isinstance(constraint.body, FunctionCall):
+            constraint.body.check_callable()
 
 
 def _structure(model: Book) -> dict[str, Any]:
@@ -170,6 +184,7 @@ def _structure(model: Book) -> dict[str, Any]:
         **_items("marker", model.markers, base, ("body",)),
         **_laws(model, base),
         **_motions(model, base),
+        **_constraints(model, base),
         **node_tables(model, base),
         **_air(model, base),
         "pose_body": _integers(p.body for p in model.poses),
@@ -256,6 +271,22 @@ def _motions(model: Book, base: dict[str, int]) -> dict[str, Any]:
         "coupler_first_coordinate": _integers(c.first_coordinate for c in model.couplers),
         "coupler_second_coordinate": _integers(c.second_coordinate for c in model.couplers),
         "coupler_x": _integers(base["coupler"] + c.start for c in model.couplers),
+    }
+
+
+def _constraints(model: Book, base: dict[str, int]) -> dict[str, Any]:
+    """The part of Tables that functions of motions make; nothing of a model without them."""
+    found = model.constraints
+    if not found:
+        return {}
+    return {
+        "constraint_name": [c.name for c in found],
+        "constraint_level": _integers(c.of_velocities for c in found),
+        "constraint_motions": [list(c.motions) for c in found],
+        "constraint_rows": _integers(c.n_rows for c in found),
+        "constraint_n": _integers(c.n for c in found),
+        "constraint_x": _integers(base["constraint"] + c.start for c in found),
+        "constraint_body": [c.body for c in found],
     }
 
 

@@ -238,6 +238,8 @@ class _Reader:
             read = self._motions
         elif form == "law":
             read = self._laws
+        elif form == "function":
+            read = self._function
         elif form in ("modal body", "shape", "wind"):
             read = {"modal body": _modal_body, "shape": _shape, "wind": _wind}[form]
         return self._guarded(kind.heading, number, lambda: read(model, value), key)
@@ -269,6 +271,10 @@ class _Reader:
         if not isinstance(value["program"], list):
             raise problem("law", f"has a program that is not a list of lines: {shown(value['program'])}")
         return SavedFunction(value["program"], values)
+
+    def _function(self, model: Any, value: Any) -> Any:
+        """A function as the text of its program, {type, program, values}, or by its name."""
+        return self._laws(model, value) if isinstance(value, dict) else self._motions(model, value)
 
     def _guarded(self, table: str, number: int, action: Callable[[], Any], key: str = "") -> Any:
         try:

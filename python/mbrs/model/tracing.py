@@ -24,16 +24,17 @@ REMEDY = (
 
 
 class TraceSpace(ParameterSpace):
-    """Symbols t, u, v of a law of ``m`` coordinates (numbers where ``m`` is 0), and those of captured expressions."""
+    """Symbols t, u, v of a law of ``m`` coordinates (numbers where ``m`` is 0), and those of captured expressions; without ``rates``
+    no v."""
 
     traced = True
 
-    def __init__(self, m: int, n: int = 0) -> None:
+    def __init__(self, m: int, n: int = 0, rates: bool = True) -> None:
         super().__init__()
         self.numbers: list[Expression] = []
         self.lines: dict[str, Expression] = {}
         shape = (m,) if m else ()
-        for name in ("t", "u", "v"):
+        for name in ("t", "u", "v") if rates else ("t", "u"):
             self.add(name, np.zeros(() if name == "t" else shape))
         if n:
             self.add("p", np.zeros(n))
@@ -63,22 +64,58 @@ def trace(function: Callable[..., Any], m: int, outputs: int, where: str) -> tup
         A function that asks for the value of what it is given, returns another number of results or something that is not a number.
     """
     space = TraceSpace(m)
-    arguments = [space.symbols[0], *(_given(space, name) for name in ("u", "v"))]
-    try:
-        made = function(*arguments)
-    except (TypeError, AttributeError, ModelError) as reason:
-        raise problem(
-            where, f"has the function {described(function)}, which cannot be traced: {reason}. {_remedy(reason)}"
-        ) from reason
-    except Exception as raised:
-        raised.add_note(f"raised while the function {described(function)} of {where} was traced, called with symbols")
-        raise
+    made = _called(function, space, ("u", "v"), where)
     flat = np.asarray(made, dtype=object).ravel().tolist()
     if len(flat) != outputs:
         raise problem(
             where, f"has the function {described(function)}, which must return {outputs} numbers, got {shown(made)}"
         )
     return Program([_result(v, space, function, where) for v in flat]), space.numbers
+
+
+def trace_rows(
+    functions: Sequence[Callable[..., Any]], m: int, width: int, where: str, of_velocities: bool
+) -> tuple[Program, list[Expression]]:
+    """The program of rows of ``width`` numbers that ``functions[0](t, u)`` returns, of velocities with one more in each, which
+    ``functions[1]`` returns or which is zero; and the expressions that they captured.
+    """
+    space = TraceSpace(m, rates=False)
+    made = _called(functions[0], space, ("u",), where)
+    flat = np.asarray(made, dtype=object)
+    if flat.size == 0 or flat.ndim > 2 or flat.size % width or (width > 1 and flat.shape[-1] != width):
+        raise problem(
+            where,
+            f"has the function {described(functions[0])}, which must return {_shape_of_rows(width)}, got {shown(made)}",
+        )
+    rows = flat.reshape(-1, width).tolist()
+    if of_velocities:
+        right = np.asarray(
+            _called(functions[1], space, ("u",), where) if functions[1:] else [0.0] * len(rows), dtype=object
+        )
+        if right.size != len(rows):
+            raise problem(where, f"has {len(rows)} rows, but d returns {right.size} numbers")
+        rows = [[*row, last] for row, last in zip(rows, right.ravel().tolist(), strict=True)]
+    return Program([_result(v, space, functions[0], where) for row in rows for v in row]), space.numbers
+
+
+def _shape_of_rows(width: int) -> str:
+    return (
+        "a number or a list of numbers" if width == 1 else f"({width},) numbers, one for each motion, or rows of them"
+    )
+
+
+def _called(function: Callable[..., Any], space: TraceSpace, names: tuple[str, ...], where: str) -> Any:
+    """The result of a function for symbols."""
+    arguments = [space.symbols[0], *(_given(space, name) for name in names)]
+    try:
+        return function(*arguments)
+    except (TypeError, AttributeError, ModelError, IndexError) as reason:
+        raise problem(
+            where, f"has the function {described(function)}, which cannot be traced: {reason}. {_remedy(reason, names)}"
+        ) from reason
+    except Exception as raised:
+        raised.add_note(f"raised while the function {described(function)} of {where} was traced, called with symbols")
+        raise
 
 
 def _given(space: TraceSpace, name: str) -> Any:
@@ -103,8 +140,12 @@ def _result(value: Any, space: TraceSpace, function: Any, where: str) -> Express
     return number
 
 
-def _remedy(reason: Exception) -> str:
-    return f"The function takes (t, u, v); {REMEDY}" if "argument" in str(reason) else REMEDY[0].upper() + REMEDY[1:]
+def _remedy(reason: Exception, names: Sequence[str]) -> str:
+    return (
+        f"The function takes ({', '.join(['t', *names])}); {REMEDY}"
+        if "argument" in str(reason)
+        else REMEDY[0].upper() + REMEDY[1:]
+    )
 
 
 def described(function: Any) -> str:
@@ -122,9 +163,9 @@ def program_lines(nodes: Sequence[tuple[Any, Any]], roots: Sequence[int]) -> lis
     return [*lines, *texts]
 
 
-def read_program(lines: Sequence[Any], m: int, n: int, where: str) -> Program:
-    """A program of ``n`` captured numbers from its text."""
-    space = TraceSpace(m, n)
+def read_program(lines: Sequence[Any], m: int, n: int, where: str, rates: bool = True) -> Program:
+    """A program of ``n`` captured numbers from its text; without ``rates`` that of rows, of any number of results."""
+    space = TraceSpace(m, n, rates)
     roots: list[Expression | float] = []
     for line in lines:
         if not isinstance(line, str):
@@ -142,6 +183,6 @@ def read_program(lines: Sequence[Any], m: int, n: int, where: str) -> Program:
         else:
             space.lines[name] = made
             space.names[name] = (0, ())
-    if len(roots) != max(m, 1):
+    if rates and len(roots) != max(m, 1):
         raise problem(where, f"has a program of {len(roots)} results for {max(m, 1)} coordinates")
     return Program(roots)

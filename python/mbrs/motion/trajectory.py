@@ -372,6 +372,12 @@ class Trajectory(AirMotion, Result):
         rows = list(self.snapshot.system.topology()["row_joint"])
         return -self.multipliers[:, rows.index(known[index("no drive or coupler", name, known)])]
 
+    def constraint_force(self, name: ItemLike) -> np.ndarray:
+        """(n_t, r) forces of the r rows of a constraint that is a function: -lam. Motion k feels their sum times dPhi/du_k, or D_k."""
+        known = self.snapshot.tables.get("constraint_name", [])
+        rows = np.array(self.snapshot.system.topology()["row_joint"])
+        return -self.multipliers[:, rows == known[index("no constraint", name, known)]]
+
     @property
     def reactions(self) -> dict[str, np.ndarray]:
         """`reaction` of every joint and drive by name."""

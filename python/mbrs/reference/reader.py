@@ -230,6 +230,14 @@ def read_imposed(t: Mapping[str, Any], x: Array, joints: list[Link]) -> list[Lin
     return out
 
 
+def refuse_functions(t: Mapping[str, Any]) -> None:
+    """The equations here are without constraints that are functions."""
+    if len(t.get("constraint_name", ())):
+        raise ModelError(
+            f"the reference has no constraints that are functions, the model has {t['constraint_name'][0]!r}; compare a model without it"
+        )
+
+
 def refuse_air(t: Mapping[str, Any]) -> None:
     """The equations here are without air."""
     if len(t.get("air_name", ())):

@@ -278,7 +278,7 @@ def _preload_stiffness(scene: _Scene) -> tuple[bool, str]:
 
 
 def _constraint_stiffness(scene: _Scene) -> tuple[bool, str]:
-    if not any(j.type != "free" for j in scene.model.joints):
+    if not (any(j.type != "free" for j in scene.model.joints) or scene.model.constraints):
         return False, "no joint constrains anything"
     if not scene.loads:
         return False, "joints carry no force: no gravity, load or preload"
@@ -344,7 +344,8 @@ def _aerodynamics(scene: _Scene) -> tuple[bool, str]:
 
 def _nonholonomic(scene: _Scene) -> tuple[bool, str]:
     found = [j.name for j in scene.model.joints if JOINTS[j.type].nonholonomic]
-    return (True, f"{_listed(found)}") if found else (False, "no knife edge or rolling disc")
+    found += [c.name for c in scene.model.constraints if c.of_velocities]
+    return (True, f"{_listed(found)}") if found else (False, "no knife edge, rolling disc or velocity constraint")
 
 
 _RULES: dict[str, Callable[[Any], tuple[bool, str]]] = {

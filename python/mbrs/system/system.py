@@ -89,6 +89,7 @@ class System(Result):
     redundant: Mapping[str, int]
     loops: tuple[Loop, ...]
     joint_types: Mapping[str, str]
+    constraints: Mapping[str, str]
     doubts: tuple[str, ...]
 
     row: ClassVar[str] = "body"
@@ -126,6 +127,7 @@ class System(Result):
             redundant=redundant,
             loops=tuple(_loop(model, name, inner, depth, redundant.get(name, 0)) for name in topology["cut"]),
             joint_types={joint.name: joint.type for joint in model.joints},
+            constraints={c.name: _described(c) for c in model.constraints},
             doubts=doubts,
             stats=Stats(),
             error=None,
@@ -162,10 +164,11 @@ class System(Result):
         return {**super().attributes(), "model": self.name, **numbers}
 
     def heading(self) -> str:
-        open_dof = f"{self.n_tree} tree coordinates - {self.rank} independent loop constraints"
+        what = "constraints" if self.constraints else "loop constraints"
+        open_dof = f"{self.n_tree} tree coordinates - {self.rank} independent {what}"
         return (
             f"system {self.name!r}: {self.n_bodies} bodies, {self.n_joints} joints, {self.n_elements} elements\n"
-            f"degrees of freedom: {self.dof}" + (f" ({open_dof})" if self.loops else "")
+            f"degrees of freedom: {self.dof}" + (f" ({open_dof})" if self.loops or self.constraints else "")
         )
 
     def rows(self) -> tuple[list[str], list[list[Any]]]:
@@ -180,6 +183,9 @@ class System(Result):
         ]
         if len(self.loops) > 20:
             lines.append(f"... and {len(self.loops) - 20} more loops")
+        lines += [f"constraint {name!r}: {text}" for name, text in list(self.constraints.items())[:20]]
+        if len(self.constraints) > 20:
+            lines.append(f"... and {len(self.constraints) - 20} more constraints")
         if self.redundant:
             some = [f"{n} at {joint!r}" for joint, n in self.redundant.items()][:20]
             more = len(self.redundant) - len(some)
@@ -188,7 +194,7 @@ class System(Result):
             lines.append(
                 f"redundant constraints: {total} of {self.n_rows} ({named}); reactions there are the minimum-norm ones"
             )
-        elif self.loops:
+        elif self.loops or self.constraints:
             lines.append("redundant constraints: none")
         lines.extend(f"doubtful: {sentence}" for sentence in self.doubts)
         size = self.n_open + self.n_tree
@@ -204,6 +210,12 @@ class System(Result):
         from ..plot.models import system as draw
 
         return draw(self, ax=ax)
+
+
+def _described(constraint: Any) -> str:
+    """Rows, level and motions of a constraint that is a function."""
+    rows, level = constraint.n_rows, "velocities" if constraint.of_velocities else "positions"
+    return f"{rows} row{'s' * (rows > 1)} of {level} on {', '.join(constraint.described()['motions'])}"
 
 
 def _loop(model: Any, name: str, inner: Mapping[str, str], depth: Mapping[str, int], redundant: int) -> Loop:

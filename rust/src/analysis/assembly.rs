@@ -16,7 +16,6 @@ use crate::system::assemble::Effects;
 use crate::system::closure::{drawn_start, scene_at_rest};
 use crate::system::loops::column_scales;
 use crate::system::placement::{Placement, State, place};
-use crate::system::rows::explicit_rates;
 use crate::system::topology::{Node, Topology};
 
 /// Above this number of rows and coordinates sparse factors are faster.
@@ -54,7 +53,7 @@ fn set_velocities(system: &System, state: &mut State, hold: bool, effects: Effec
     };
     let resting = |n: usize| given(n).0.amax() == 0.0 && given(n).1.amax() == 0.0;
     let placement = place(topology, &system.geometry, &state.q, None);
-    let prescribed = explicit_rates(topology, &system.geometry, effects, 0.0).0;
+    let prescribed = scene_at_rest(system, &placement, effects).explicit_rates();
     let driven = prescribed.amax() != 0.0;
     if (0..topology.nodes.len()).all(resting) && (hold || !driven) {
         return Ok(0.0);
@@ -190,8 +189,9 @@ fn project_rates(
     let n = topology.n_tree;
     let sparse = topology.rows.len() + n > DENSE;
     let mut jacobian = Matrix::zeros(topology.rows.len(), n, sparse);
-    scene_at_rest(system, placement, effects).constraints_into(&mut jacobian);
-    let mut given = explicit_rates(topology, &system.geometry, effects, 0.0).0;
+    let scene = scene_at_rest(system, placement, effects);
+    scene.constraints_into(&mut jacobian);
+    let mut given = scene.explicit_rates();
     if hold {
         given.fill(0.0);
     }

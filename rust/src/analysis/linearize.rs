@@ -232,6 +232,12 @@ pub fn linearize(setting: &Setting<'_>, counts: &mut Counts) -> Result<Lineariza
         t: 0.0,
         effects: setting.effects,
     };
+    if let Some(name) = scene.changing_constraint().filter(|_| rate.is_some()) {
+        return Err(Error::model(format!(
+            "constraint '{name}' changes with time by itself, or its derivatives were given: about a state that moves there are no constant \
+             matrices then; linearise a state at rest, or follow the motion in time (mb.simulate)"
+        )));
+    }
     let (jacobian, loops, b) = closed(setting, &scene)?;
     if loops.is_some() {
         counts.add("loop factorisations", 1);

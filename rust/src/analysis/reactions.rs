@@ -92,7 +92,7 @@ pub fn joint_wrenches<T: Real>(
         let place = match c.purpose {
             Purpose::Joint => c.joint,
             Purpose::Drive(i) => topology.tables.joints.len() + i,
-            Purpose::Coupler(_) => continue,
+            Purpose::Coupler(_) | Purpose::Constraint(_) => continue,
         };
         all[place] = constraint_interaction(topology, geometry, placement, c.joint, &c.rows, wanted).wrench;
     }

@@ -231,8 +231,8 @@ fn staying(free: &DMatrix<f64>, e: &DMatrix<f64>, dof: usize) -> Option<DMatrix<
 
 fn refused(setting: &Setting<'_>, why: &str) -> Error {
     let topology = &setting.system.topology;
-    let row = topology.rows.iter().find(|r| r.level == Level::Velocity);
-    let name = row.map_or("a joint", |r| topology.tables.joints[r.joint].name.as_str());
+    let row = topology.rows.iter().position(|r| r.level == Level::Velocity);
+    let name = row.map_or("a joint", |i| topology.row_name(i));
     Error::model(format!("the motion that rolls on '{name}' {why}, or follow the motion in time (mb.simulate)"))
 }
 

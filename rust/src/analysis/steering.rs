@@ -14,7 +14,7 @@ use crate::system::loops::column_scales;
 use crate::system::topology::Level;
 use crate::tolerances::constraints::SINGULAR_POSE;
 
-/// The joints with velocity rows of a state at rest, where each of them steers; none where some come from positions.
+/// The names of what makes velocity rows of a state at rest, where each of them steers; none where some come from positions.
 pub fn steering_joints(setting: &Setting<'_>, made: &Linearization) -> Vec<String> {
     let system = setting.system;
     let topology = &*system.topology;
@@ -39,7 +39,7 @@ pub fn steering_joints(setting: &Setting<'_>, made: &Linearization) -> Vec<Strin
         turning_jacobian(setting, &path, None)
     };
     let turned: Vec<_> = motions.iter().map(along).collect();
-    let mut steers = vec![false; topology.tables.joints.len()];
+    let mut steers = vec![false; topology.rows.len()];
     for i in 0..motions.len() {
         for j in 0..i {
             let mut bracket = vec![0.0; motions[i].len()];
@@ -48,14 +48,15 @@ pub fn steering_joints(setting: &Setting<'_>, made: &Linearization) -> Vec<Strin
                 + turned[i].map(|v| v.re) * DVector::from_vec(bracket);
             let limit = SINGULAR_POSE * system.tolerance * size[i] * size[j];
             for r in velocity.iter().filter(|r| (curl[**r] * loops.row_scale[**r]).abs() > limit) {
-                steers[topology.rows[*r].joint] = true;
+                steers[*r] = true;
             }
         }
     }
-    let mut joints: Vec<usize> = velocity.iter().map(|r| topology.rows[*r].joint).collect();
-    joints.dedup();
-    match joints.iter().all(|j| steers[*j]) {
-        true => joints.into_iter().map(|j| topology.tables.joints[j].name.clone()).collect(),
+    let mut names: Vec<&str> = velocity.iter().map(|r| topology.row_name(*r)).collect();
+    names.dedup();
+    let one_steers = |name: &&str| velocity.iter().any(|r| steers[*r] && topology.row_name(*r) == *name);
+    match names.iter().all(one_steers) {
+        true => names.into_iter().map(str::to_owned).collect(),
         false => Vec::new(),
     }
 }

@@ -74,6 +74,14 @@ impl Program {
         self.roots.len()
     }
 
+    /// The number that a result always is.
+    pub fn constant(&self, output: usize) -> Option<f64> {
+        match self.roots.get(output).map(|r| self.nodes[*r]) {
+            Some(Node::Constant(c)) => Some(c),
+            _ => None,
+        }
+    }
+
     pub fn n_nodes(&self) -> usize {
         self.nodes.len()
     }

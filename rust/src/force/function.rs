@@ -65,7 +65,7 @@ impl FunctionLaw {
         if !(1..=MOST).contains(&m) {
             return Err(Error::model(format!("a law acts on up to {MOST} coordinates, not on {m}")));
         }
-        let body = Body::External(External { call: Box::new(call), last: Mutex::new(None) });
+        let body = Body::External(External::new(call));
         Ok(FunctionLaw { m, n_params: 0, body: Arc::new(body), uses_rate: true, uses_time: true })
     }
 
@@ -139,8 +139,8 @@ impl FunctionLaw {
 type Call = Box<dyn Fn(f64, &[f64], &[f64]) -> Vec<f64> + Send + Sync>;
 type Known = (Vec<f64>, Arc<[f64]>);
 
-/// Values and first slopes from outside, at one point after the other.
-struct External {
+/// Values and slopes from outside, at one point after the other.
+pub struct External {
     call: Call,
     /// the slopes along several directions are asked for at one point
     last: Mutex<Option<Known>>,
@@ -153,11 +153,16 @@ impl std::fmt::Debug for External {
 }
 
 impl External {
+    /// `call(t, u, v)` returns the values and slopes of a law or a constraint.
+    pub fn new(call: impl Fn(f64, &[f64], &[f64]) -> Vec<f64> + Send + Sync + 'static) -> Self {
+        External { call: Box::new(call), last: Mutex::new(None) }
+    }
+
     fn last(&self) -> MutexGuard<'_, Option<Known>> {
         self.last.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    fn answer(&self, t: f64, u: &[f64], v: &[f64]) -> Arc<[f64]> {
+    pub fn answer(&self, t: f64, u: &[f64], v: &[f64]) -> Arc<[f64]> {
         let place: Vec<f64> = [t].iter().chain(u).chain(v).copied().collect();
         let known = self.last().as_ref().filter(|(at, _)| *at == place).map(|(_, answer)| answer.clone());
         known.unwrap_or_else(|| {

@@ -42,7 +42,7 @@ mod varying_stiffness;
 
 use num_dual::Dual;
 
-pub use function::FunctionLaw;
+pub use function::{External, FunctionLaw};
 pub use law::{At, Class, Crossing, Scalar, State, Stored, Surface};
 
 use crate::error::{Error, Result};

@@ -1,8 +1,9 @@
 //! The Tables (docs/tables.md): what Python hands over, parsed and checked once.
 use crate::error::{Error, Result};
 use crate::force::FunctionLaw;
-use crate::joint::JointKind;
+use crate::joint::{Coordinate, JointKind};
 use crate::model::air::{AirSpec, SectionSpec};
+use crate::model::constraint::ConstraintSpec;
 use crate::model::flexible::{FlexibleSpec, TipSpec};
 use crate::model::layout::{self, body, bushing, coupler, joint, load, pose, spring_damper, torsion};
 use crate::model::motion::MotionSpec;
@@ -138,6 +139,7 @@ pub struct Tables {
     pub motions: Vec<MotionSpec>,
     pub drives: Vec<DriveSpec>,
     pub couplers: Vec<CouplerSpec>,
+    pub constraints: Vec<ConstraintSpec>,
     pub air: Vec<AirSpec>,
     pub sections: Vec<SectionSpec>,
     pub load_motions: Vec<LoadMotionSpec>,
@@ -207,6 +209,15 @@ impl Tables {
                 self.drives(&coupler.name, *joint, coordinate)?;
             }
         }
+        for constraint in &self.constraints {
+            self.inside(&constraint.name, constraint.x, constraint.function.n_params())?;
+            for (joint, coordinate) in &constraint.motions {
+                self.drives(&constraint.name, *joint, *coordinate)?;
+            }
+            if constraint.motions.len() != constraint.function.m() {
+                return Err(Error::model(format!("'{}' reads another number of motions", constraint.name)));
+            }
+        }
         for m in &self.load_motions {
             if m.load >= self.loads.len() || m.component >= 3 {
                 return Err(Error::model("a motion belongs to a load that does not exist"));
@@ -242,15 +253,23 @@ impl Tables {
         Ok(())
     }
 
-    /// The first nonholonomic joint, drive, coupler, flexible body or air.
+    /// The joints and coordinates that a constraint reads.
+    pub fn motions_of(&self, constraint: usize) -> impl Iterator<Item = (usize, Coordinate)> + '_ {
+        let motions = &self.constraints[constraint].motions;
+        motions.iter().map(|(j, k)| (*j, self.joints[*j].kind.free_coordinates()[*k]))
+    }
+
+    /// The first nonholonomic joint, drive, coupler, constraint, flexible body or air.
     pub fn unusual(&self) -> Option<&str> {
         let joints = self.joints.iter().filter(|j| j.kind.is_nonholonomic());
         let drives = self.drives.iter().map(|d| d.name.as_str());
         let couplers = self.couplers.iter().map(|c| c.name.as_str());
+        let constraints = self.constraints.iter().map(|c| c.name.as_str());
         let flexible = self.flexible.iter();
         let flexible = flexible.map(|f| self.bodies[f.body].name.as_str());
         let air = self.air.iter().map(|a| a.name.as_str());
-        let mut all = joints.map(|j| j.name.as_str()).chain(drives).chain(couplers).chain(flexible).chain(air);
+        let all = joints.map(|j| j.name.as_str()).chain(drives).chain(couplers);
+        let mut all = all.chain(constraints).chain(flexible).chain(air);
         all.next()
     }
 

@@ -18,10 +18,9 @@ use crate::run::{Cancel, Counts};
 use crate::system::System;
 use crate::system::assemble::Effects;
 use crate::system::closure::{close, scene_at_rest};
-use crate::system::loops::{redundant_names, row_scales};
+use crate::system::loops::redundant_names;
 use crate::system::placement::{State, advance, place};
 use crate::system::rank::Doubt;
-use crate::system::rows::explicit_rates;
 use crate::tolerances::coordinates::UNIT_QUATERNION;
 
 use super::border::{counts_dict, guarded, interruptible};
@@ -481,11 +480,11 @@ impl PySystem {
         run(py, &self.0, move |system, _| {
             let (topology, geometry) = (&system.topology, &system.geometry);
             let placement = place(topology, geometry, &state.q, None);
-            let jacobian = scene_at_rest(system, &placement, effects).constraints().1;
-            let prescribed = explicit_rates(topology, geometry, effects, 0.0).0;
-            let scales = row_scales(topology, system.length);
+            let scene = scene_at_rest(system, &placement, effects);
+            let (jacobian, prescribed) = (scene.constraints().1, scene.explicit_rates());
+            let scales = system.row_scales();
             let miss = jacobian * nalgebra::DVector::from_vec(state.rate.clone()) + prescribed;
-            Ok(miss.iter().zip(&scales).map(|(m, s)| (m * s).abs()).fold(0.0, f64::max))
+            Ok(miss.iter().zip(scales).map(|(m, s)| (m * s).abs()).fold(0.0, f64::max))
         })
     }
 

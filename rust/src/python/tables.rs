@@ -8,9 +8,10 @@ use pyo3::types::PyDict;
 use crate::aero::polar::Polar;
 use crate::aero::section::Inflow;
 use crate::error::{Error, Result};
-use crate::force::FunctionLaw;
+use crate::force::{External, FunctionLaw};
 use crate::joint::JointKind;
 use crate::model::air::{AirSpec, History, SectionSpec};
+use crate::model::constraint::{ConstraintFunction, ConstraintSpec};
 use crate::model::flexible::{FlexibleSpec, TipSpec};
 use crate::model::layout::{air_inflow, joint_type, load_type};
 use crate::model::motion::{Function, MotionKind, MotionSpec};
@@ -84,6 +85,7 @@ pub fn tables(dict: &Bound<'_, PyDict>) -> PyResult<Tables> {
         motions: motions(&reader)?,
         drives: drives(&reader)?,
         couplers: couplers(&reader)?,
+        constraints: constraints(&reader)?,
         air,
         sections,
         load_motions: load_motions(&reader)?,
@@ -317,6 +319,33 @@ fn couplers(reader: &Reader<'_, '_>) -> PyResult<Vec<CouplerSpec>> {
         })
     };
     names.into_iter().enumerate().map(one).collect()
+}
+
+/// Constraints that are functions of joint coordinates; tables without any need not have their keys. A program is (nodes, roots); a
+/// callable returns values and slopes as one list of floats, checked, or raises an error that names its owner.
+fn constraints(reader: &Reader<'_, '_>) -> PyResult<Vec<ConstraintSpec>> {
+    let Some([level, rows, n, x]) = optional(reader, "constraint", ["level", "rows", "n", "x"])? else {
+        return Ok(Vec::new());
+    };
+    let names = reader.names("constraint_name")?;
+    let motions: Vec<Vec<(usize, usize)>> = reader.item("constraint_motions")?.extract()?;
+    let bodies: Vec<Bound<'_, PyAny>> = reader.item("constraint_body")?.extract()?;
+    same_length("constraint", &[x.len(), names.len(), motions.len(), bodies.len()])?;
+    let one = |(i, (name, motions)): (usize, (String, Vec<(usize, usize)>))| {
+        let (m, of_velocities, body) = (motions.len(), level[i] == 1, &bodies[i]);
+        let function = if body.is_callable() {
+            let call = body.clone().unbind();
+            let answer = move |t: f64, u: &[f64], _: &[f64]| {
+                called(|py| call.call1(py, (t, u.to_vec()))?.extract::<Vec<f64>>(py))
+            };
+            ConstraintFunction::external(m, offset(rows[i])?, of_velocities, External::new(answer))?
+        } else {
+            let (nodes, roots): (Bound<'_, PyAny>, Vec<usize>) = body.extract()?;
+            ConstraintFunction::traced(m, offset(n[i])?, of_velocities, program(&nodes, roots)?)?
+        };
+        Ok(ConstraintSpec { name, motions, function, x: offset(x[i])? })
+    };
+    names.into_iter().zip(motions).enumerate().map(one).collect()
 }
 
 fn load_motions(reader: &Reader<'_, '_>) -> PyResult<Vec<LoadMotionSpec>> {

@@ -390,6 +390,7 @@ impl<T: Real> Scene<'_, T> {
             add_tangent(self.topology, self.placement, &acting, true, stiffness, None);
             counts.add("constraint-force stiffness", 1);
         }
+        self.add_constraint_stiffness(lam, stiffness);
     }
 
     /// Effects are switched off in the sense of absolute coordinates (wrenches at the centres of mass, world axes): without the

@@ -130,7 +130,7 @@ pub(super) fn close_with(system: &System, q: &mut [f64], effects: Effects, rows:
     let mut best = f64::INFINITY;
     for iteration in 0..=MAX_ITERATIONS {
         let (phi, jacobian) = rows_at(system, q, effects);
-        check_finite(&phi)?;
+        check_finite(system, &phi)?;
         let kept = rows.select(&jacobian, Asked::Position);
         let (size, worst, closed) = largest(&phi, &kept, rows, &rounding);
         let stalled = iteration > 3 && size >= best;
@@ -216,7 +216,7 @@ pub(super) fn close_drawn(system: &System, q: &mut [f64], effects: Effects, rows
     let mut best = f64::INFINITY;
     for iteration in 0..=MAX_ITERATIONS {
         let (phi, jacobian) = rows_at(system, q, effects);
-        check_finite(&phi)?;
+        check_finite(system, &phi)?;
         let of = |b: &Block| largest(&phi, &b.rows[..b.n_position], rows, &limits);
         let open: Vec<&Block> = rows.blocks.iter().filter(|b| !of(b).2).collect();
         let (size, worst) = open.iter().map(|b| of(b)).fold((0.0, None), |a, b| if b.0 > a.0 { (b.0, b.1) } else { a });
@@ -317,11 +317,23 @@ pub fn shown(names: &[String]) -> String {
     }
 }
 
-fn check_finite(phi: &DVector<f64>) -> Result<()> {
+/// Is a row one of a function of several coordinates?
+fn is_function(system: &System, row: usize) -> bool {
+    matches!(system.topology.rows[row].purpose, Purpose::Constraint(_))
+}
+
+fn check_finite(system: &System, phi: &DVector<f64>) -> Result<()> {
     if phi.iter().all(|v| v.is_finite()) {
         return Ok(());
     }
-    Err(Error::Assembly("the constraints cannot be evaluated in this state".into()))
+    let undefined = phi.iter().position(|v| !v.is_finite()).filter(|i| is_function(system, *i));
+    Err(Error::Assembly(match undefined {
+        Some(i) => format!(
+            "constraint '{}' is not a number in this state; write its function so that it is defined there, or draw the bodies elsewhere",
+            system.topology.row_name(i)
+        ),
+        None => "the constraints cannot be evaluated in this state".into(),
+    }))
 }
 
 fn cannot_close(system: &System, phi: &DVector<f64>, worst: Option<usize>, size: f64) -> Error {
@@ -329,6 +341,14 @@ fn cannot_close(system: &System, phi: &DVector<f64>, worst: Option<usize>, size:
         return Error::Assembly("the loops cannot close".into());
     };
     let spec = &system.topology.rows[row];
+    if is_function(system, row) {
+        return Error::Assembly(format!(
+            "constraint '{}' cannot be satisfied: its function is {:.6} at the closest approach (relative gap {size:.1e}); check it at \
+             t = 0 and whether joints, drives or other constraints already fix its motions",
+            system.topology.row_name(row),
+            phi[row]
+        ));
+    }
     let joint = &system.topology.tables.joints[spec.joint];
     let (what, unit) = match spec.coordinate {
         c if spec.purpose != Purpose::Joint => {

@@ -1,4 +1,4 @@
-//! Islands: bodies that joints, elements or couplers connect, ground left out. No force passes from one to another, so that what counts
+//! Islands: bodies that joints, elements, couplers or constraints connect, ground left out. No force passes from one to another, so that what counts
 //! as rounding of one does not depend on the others.
 use crate::model::tables::{BodyRef, Tables};
 use crate::spatial::{Real, Six};
@@ -23,7 +23,11 @@ pub fn islands(tables: &Tables, nodes: &[Node], node_of_body: &[usize], connecto
         let ends = c.joints.iter().flat_map(|j| bodies([tables.joints[*j].a, tables.joints[*j].b]));
         ends.collect::<Vec<_>>()
     });
-    for ends in joints.chain(elastic).chain(coupled) {
+    let bound = (0..tables.constraints.len()).map(|c| {
+        let ends = tables.motions_of(c).flat_map(|(j, _)| bodies([tables.joints[j].a, tables.joints[j].b]));
+        ends.collect::<Vec<_>>()
+    });
+    for ends in joints.chain(elastic).chain(coupled).chain(bound) {
         ends.windows(2).for_each(|pair| join(pair[0], pair[1]));
     }
     let roots: Vec<usize> = (0..nodes.len()).map(|i| find(&mut root, i)).collect();

@@ -58,13 +58,6 @@ pub struct Loops {
     pub row_scale: Vec<f64>,
 }
 
-pub fn row_scales(topology: &Topology, length: f64) -> Vec<f64> {
-    let scale = |row: &ConstraintRow| {
-        if row.coordinate.is_length() { 1.0 / length } else { 1.0 }
-    };
-    topology.rows.iter().map(scale).collect()
-}
-
 pub fn column_scales(topology: &Topology, length: f64) -> Vec<f64> {
     (0..topology.n_tree).map(|i| topology.scale(i, length)).collect()
 }

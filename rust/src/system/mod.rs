@@ -11,6 +11,7 @@
 //! connector   forces and tangents of elements and constraints
 //! path        the same in tree coordinates, along the way between two bodies
 //! sparse      everything once more in absolute coordinates, for thousands of bodies
+//! constraint  functions of several coordinates as rows
 //! rows        values and Jacobian of all constraint rows
 //! rank        which of them are redundant, decided once
 //! remoteness  rounding of places beside the arms of bodies
@@ -26,6 +27,7 @@ mod binding;
 pub mod closure;
 pub mod connector;
 pub mod connector_force;
+mod constraint;
 pub mod flexible;
 pub mod flexible_inertia;
 mod flexible_scene;
@@ -50,6 +52,7 @@ use crate::error::Result;
 use crate::model::geometry::Geometry;
 use crate::model::tables::Tables;
 use crate::system::rank::Decision;
+use crate::system::rows::row_scales;
 use crate::system::topology::Topology;
 
 /// Topology plus values: immutable and cheap to clone; new values keep the topology.
@@ -64,6 +67,7 @@ pub struct System {
     pub tolerance: f64,
     /// ranks of the constraints, for every choice of effects that leave rows out
     decisions: Arc<[OnceLock<Arc<Decision>>; 4]>,
+    row_scales: Arc<OnceLock<Vec<f64>>>,
 }
 
 impl System {
@@ -92,8 +96,13 @@ impl System {
         let geometry = Geometry::derive(&topology.tables, &x);
         let length = topology.characteristic_length(&geometry, &x);
         let tolerance = topology.tables.tolerance;
-        let decisions = Arc::default();
-        System { topology, x: Arc::new(x), geometry: Arc::new(geometry), length, tolerance, decisions }
+        let (decisions, row_scales) = (Arc::default(), Arc::default());
+        System { topology, x: Arc::new(x), geometry: Arc::new(geometry), length, tolerance, decisions, row_scales }
+    }
+
+    /// Factors that make the rows free of units, with the characteristic length for that of each loop.
+    pub fn row_scales(&self) -> &[f64] {
+        self.row_scales.get_or_init(|| row_scales(self, |_| self.length))
     }
 
     /// Times after `start` at which a motion is not smooth, ascending.

@@ -26,6 +26,7 @@ use crate::system::System;
 use crate::system::assemble::Effects;
 use crate::system::closure::{check_redundant, close_drawn, close_with, drawn_start, rows_at, rows_into};
 use crate::system::placement::{advance, place};
+use crate::system::rows::row_scales;
 use crate::system::topology::{ConstraintRow, Level, Purpose};
 use crate::tolerances::constraints::{APART, DOUBTFUL, ENTRY_ROUNDING, LOCKED, PROBE};
 
@@ -35,7 +36,7 @@ const DENSE_BLOCK: usize = 40_000;
 /// A constraint whose independence the drawing decides only just.
 #[derive(Debug, Clone)]
 pub struct Doubt {
-    /// the joints, drives and couplers of its loops
+    /// the joints, drives, couplers and constraints of its loops
     pub joints: Vec<String>,
     /// opening per radian of the freed direction, over the length of the loop
     pub singular_value: f64,
@@ -125,9 +126,7 @@ fn structure(system: &System, effects: Effects) -> RowBlocks {
     jacobian.each(|i, j, _| column_length[j] = column_length[j].max(lengths[i]));
     let length = |c: usize| if column_length[c] > 0.0 { column_length[c] } else { system.length };
     let column_scale = (0..topology.n_tree).map(|c| topology.scale(c, length(c))).collect();
-    let row_scale = (topology.rows.iter().zip(&lengths))
-        .map(|(r, l)| if r.coordinate.is_length() { 1.0 / l } else { 1.0 })
-        .collect();
+    let row_scale = row_scales(system, |i| lengths[i]);
     let mut number = std::collections::BTreeMap::new();
     let mut blocks: Vec<Block> = Vec::new();
     for (i, row) in topology.rows.iter().enumerate().filter(|(_, r)| effects.row(r)) {
@@ -227,14 +226,20 @@ pub(super) fn bounds_at(system: &System, poses: &[Pose<f64>], effects: Effects, 
     let topology = &*system.topology;
     let far = |b: Option<usize>| topology.node(b).map_or(0.0, |n| poses[n].p.norm());
     let unit = ENTRY_ROUNDING * f64::EPSILON;
-    let bound = |(i, row): (usize, &ConstraintRow)| {
-        if !effects.row(row) {
-            return 0.0;
-        }
-        let joint = &topology.tables.joints[row.joint];
+    let reach = |joint: usize| {
+        let joint = &topology.tables.joints[joint];
         let along = topology.nodes_between(joint.a, joint.b).into_iter().map(|n| poses[n].p.norm());
-        let reach = along.fold(far(joint.a).max(far(joint.b)), f64::max);
-        if row.coordinate.is_length() { unit * (1.0 + 2.0 * reach * rows.row_scale[i]) } else { unit }
+        along.fold(far(joint.a).max(far(joint.b)), f64::max)
+    };
+    let lengths = if topology.tables.constraints.is_empty() { Vec::new() } else { loop_lengths(system) };
+    let bound = |(i, row): (usize, &ConstraintRow)| match row.purpose {
+        _ if !effects.row(row) => 0.0,
+        Purpose::Constraint(c) => {
+            let lengthy = topology.tables.motions_of(c).filter(|(_, x)| x.is_length());
+            unit * (1.0 + 2.0 * lengthy.map(|(j, _)| reach(j) / lengths[i]).fold(0.0, f64::max))
+        }
+        _ if row.coordinate.is_length() => unit * (1.0 + 2.0 * reach(row.joint) * rows.row_scale[i]),
+        _ => unit,
     };
     topology.rows.iter().enumerate().map(bound).collect()
 }
@@ -357,7 +362,7 @@ fn doubts_of(system: &System, block: &Block, found: &Ranks) -> Vec<Doubt> {
     found.doubtful.iter().map(doubt).collect()
 }
 
-/// The joints, drives and couplers of a block, in the order of the model.
+/// The joints, drives, couplers and constraints of a block, in the order of the model.
 pub fn block_names(system: &System, block: &Block) -> Vec<String> {
     let topology = &*system.topology;
     let tables = &topology.tables;

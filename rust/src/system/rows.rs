@@ -1,9 +1,10 @@
-//! The constraint rows of a scene: of cut joints, drives and couplers, their values, Jacobian, explicit rates in time, multipliers.
+//! The constraint rows of a scene: of cut joints, drives, couplers and functions, their values, Jacobian, explicit rates in time, multipliers.
 //!
 //! ```text
 //! joint     e = 0  (distance: e - length;  velocity level: g v = 0)
 //! drive     e - m(t) = 0,                       Phi_t = -m',  Phi_tt = -m"
 //! coupler   e_second - ratio e_first - offset = 0
+//! function  Phi(t, u) = 0, or D(t, u) u' + d(t, u) = 0 of several coordinates u, see `constraint`
 //! ```
 //! A drive of an angle takes the turn nearest to its motion. Rows of an effect that is left out are zero, which the rank-revealing factorisations take for redundant.
 use nalgebra::{DMatrix, DVector};
@@ -11,12 +12,15 @@ use nalgebra::{DMatrix, DVector};
 use crate::joint::Coordinate;
 use crate::kinematics::relative::whole_turns;
 use crate::linalg::entries::{Entries, Nowhere};
+use crate::model::constraint::RowSlopes;
 use crate::model::geometry::Geometry;
 use crate::model::layout::flag::LENGTH_GIVEN;
 use crate::model::layout::{coupler, joint};
 use crate::spatial::{Real, Six};
+use crate::system::System;
 use crate::system::assemble::{Effects, Scene};
 use crate::system::connector::{constraint_bias, constraint_rates, constraint_rows};
+pub use crate::system::constraint::has_explicit_rates;
 use crate::system::flexible::FoldedRows;
 use crate::system::path::path;
 use crate::system::topology::{ConstraintRow, Level, Purpose, Topology};
@@ -39,8 +43,27 @@ impl Effects {
     }
 }
 
+/// Factors that make rows free of units: displacements over a length, functions over what natural units of their coordinates change.
+pub fn row_scales(system: &System, length: impl Fn(usize) -> f64) -> Vec<f64> {
+    let topology = &*system.topology;
+    let unit = |x: Coordinate, i: usize| if x.is_length() { length(i) } else { 1.0 };
+    let mut scales: Vec<f64> = Vec::with_capacity(topology.rows.len());
+    for group in topology.rows.chunk_by(ConstraintRow::belongs_with) {
+        let start = scales.len();
+        if let Purpose::Constraint(c) = group[0].purpose {
+            let spec = &topology.tables.constraints[c];
+            let units: Vec<f64> = topology.tables.motions_of(c).map(|(_, x)| unit(x, start)).collect();
+            let p = &system.x[spec.x..spec.x + spec.function.n_params()];
+            scales.extend(spec.function.sizes(p, &units).into_iter().map(f64::recip));
+        } else {
+            scales.extend(group.iter().enumerate().map(|(i, row)| unit(row.coordinate, start + i).recip()));
+        }
+    }
+    scales
+}
+
 /// Phi_t and Phi_tt at a time: what drives do by themselves.
-pub fn explicit_rates<T: Real>(
+pub fn driven_rates<T: Real>(
     topology: &Topology,
     geometry: &Geometry<T>,
     effects: Effects,
@@ -60,7 +83,7 @@ pub fn explicit_rates<T: Real>(
 }
 
 impl<T: Real> Scene<'_, T> {
-    fn acts(&self, row: &ConstraintRow) -> bool {
+    pub(super) fn acts(&self, row: &ConstraintRow) -> bool {
         self.effects.row(row)
     }
 
@@ -85,6 +108,11 @@ impl<T: Real> Scene<'_, T> {
         let mut start = 0;
         while start < rows.len() {
             let end = start + rows[start..].iter().take_while(|r| r.belongs_with(&rows[start])).count();
+            if let Purpose::Constraint(c) = rows[start].purpose {
+                self.add_constraint(c, start, &mut phi, jacobian);
+                start = end;
+                continue;
+            }
             let coordinates: Vec<_> = rows[start..end].iter().map(|r| r.coordinate).collect();
             let mut value = vec![T::zero(); end - start];
             self.add_rows(rows[start].joint, &coordinates, T::one(), start, &mut value, jacobian);
@@ -127,7 +155,7 @@ impl<T: Real> Scene<'_, T> {
     fn value(&self, row: &ConstraintRow, e: T, i: usize, jacobian: &mut impl Entries<T>) -> T {
         match row.purpose {
             Purpose::Joint if self.topology.tables.joints[row.joint].kind.has_length() => e - self.distance(row.joint),
-            Purpose::Joint => e,
+            Purpose::Joint | Purpose::Constraint(_) => e,
             Purpose::Drive(d) => {
                 let motion = self.topology.tables.drives[d].motion;
                 let phi = e - self.geometry.motions[motion].at(self.t)[0];
@@ -149,7 +177,7 @@ impl<T: Real> Scene<'_, T> {
         self.rows_over_columns(&mut Nowhere)
     }
 
-    /// J v: what all rows do at these rates, drives left out.
+    /// J v: what all rows do at these rates, explicit rates left out.
     pub fn row_rates(&self) -> DVector<T> {
         self.over_joints(|joint, coordinates| {
             constraint_rates(self.topology, self.geometry, self.placement, joint, coordinates)
@@ -158,9 +186,11 @@ impl<T: Real> Scene<'_, T> {
 
     /// gamma of J a + gamma = 0: what all rows do at zero a, drives left out; `accelerations` of the bodies at a = 0.
     pub fn row_bias(&self, accelerations: &[Six<T>]) -> DVector<T> {
-        self.over_joints(|joint, coordinates| {
+        let mut bias = self.over_joints(|joint, coordinates| {
             constraint_bias(self.topology, self.geometry, self.placement, joint, coordinates, accelerations)
-        })
+        });
+        self.add_constraint_bias(&mut bias);
+        bias
     }
 
     /// What is linear in the coordinates of joints, per row: `of` the coordinates of one joint.
@@ -168,6 +198,10 @@ impl<T: Real> Scene<'_, T> {
         let (rows, tables) = (&self.topology.rows, &self.topology.tables);
         let mut out = Vec::with_capacity(rows.len());
         for group in rows.chunk_by(ConstraintRow::belongs_with) {
+            if let Purpose::Constraint(c) = group[0].purpose {
+                out.extend(self.over_motions(c, self.acts(&group[0]), &of));
+                continue;
+            }
             let coordinates: Vec<_> = group.iter().map(|r| r.coordinate).collect();
             let mut values = of(group[0].joint, &coordinates);
             for (row, value) in group.iter().zip(&mut values) {
@@ -186,6 +220,16 @@ impl<T: Real> Scene<'_, T> {
         DVector::from_vec(out)
     }
 
+    /// sum_k c_k of(u_k) of the rows of a constraint.
+    fn over_motions(&self, c: usize, acts: bool, of: impl Fn(usize, &[Coordinate]) -> Vec<T>) -> Vec<T> {
+        if !acts {
+            return vec![T::zero(); self.topology.tables.constraints[c].function.n_rows()];
+        }
+        let each: Vec<T> = self.topology.tables.motions_of(c).map(|(j, x)| of(j, &[x])[0]).collect();
+        let sum = |row: &RowSlopes<T>| row.c.iter().zip(&each).fold(T::zero(), |sum, (c, v)| sum + *c * *v);
+        self.constraint_slopes(c).iter().map(sum).collect()
+    }
+
     fn distance(&self, joint: usize) -> T {
         let spec = &self.topology.tables.joints[joint];
         let x = self.x[spec.x + joint::LENGTH];
@@ -197,7 +241,7 @@ impl<T: Real> Scene<'_, T> {
         let tables = &self.topology.tables;
         let mut out: Vec<Carried<T>> = Vec::new();
         for (row, l) in self.topology.rows.iter().zip(lam) {
-            if !self.acts(row) {
+            if !self.acts(row) || matches!(row.purpose, Purpose::Constraint(_)) {
                 continue;
             }
             match out.last_mut().filter(|c| c.joint == row.joint && c.purpose == row.purpose) {
@@ -215,6 +259,13 @@ impl<T: Real> Scene<'_, T> {
                 });
             }
         }
+        self.each_constraint(|c, start| {
+            let rows = self.constraint_slopes(c);
+            for (k, (joint, coordinate)) in tables.motions_of(c).enumerate() {
+                let force = rows.iter().zip(&lam[start..]).fold(T::zero(), |sum, (row, l)| sum + row.c[k] * *l);
+                out.push(Carried { purpose: Purpose::Constraint(c), joint, rows: vec![(coordinate, force)] });
+            }
+        });
         out
     }
 

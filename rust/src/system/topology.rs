@@ -69,9 +69,11 @@ pub enum Purpose {
     Drive(usize),
     /// e - ratio e_first - offset = 0
     Coupler(usize),
+    /// a row of a function of several coordinates
+    Constraint(usize),
 }
 
-/// A constraint row: a coordinate e of a joint (of a coupler its second one), and what it is for; its level decides where it enters.
+/// A constraint row: a coordinate e of a joint (of a coupler its second one, of a function its first one), and what it is for; its level decides where it enters.
 #[derive(Debug, Clone)]
 pub struct ConstraintRow {
     pub joint: usize,
@@ -352,6 +354,7 @@ impl Topology {
             Purpose::Joint => &self.tables.joints[row.joint].name,
             Purpose::Drive(i) => &self.tables.drives[i].name,
             Purpose::Coupler(i) => &self.tables.couplers[i].name,
+            Purpose::Constraint(i) => &self.tables.constraints[i].name,
         }
     }
 
@@ -439,7 +442,7 @@ fn cut_rows(tables: &Tables, joint: usize) -> Vec<ConstraintRow> {
     position.chain(kind.velocity_constraints().iter().map(|c| row(*c, Level::Velocity))).collect()
 }
 
-/// Rows of drives, then of couplers: on coordinates of tree joints and of cut joints alike.
+/// Rows of drives, of couplers, then of functions: on coordinates of tree joints and of cut joints alike.
 fn imposed_rows(tables: &Tables) -> Vec<ConstraintRow> {
     let row = |joint: usize, coordinate: usize, purpose| ConstraintRow {
         joint,
@@ -449,10 +452,17 @@ fn imposed_rows(tables: &Tables) -> Vec<ConstraintRow> {
     };
     let drives = tables.drives.iter().enumerate();
     let couplers = tables.couplers.iter().enumerate();
-    drives
+    let mut rows: Vec<_> = drives
         .map(|(i, d)| row(d.joint, d.coordinate, Purpose::Drive(i)))
         .chain(couplers.map(|(i, c)| row(c.joints[1], c.coordinates[1], Purpose::Coupler(i))))
-        .collect()
+        .collect();
+    for (i, constraint) in tables.constraints.iter().enumerate() {
+        let level = if constraint.function.of_velocities() { Level::Velocity } else { Level::Position };
+        let (joint, coordinate) = constraint.motions[0];
+        let one = ConstraintRow { level, ..row(joint, coordinate, Purpose::Constraint(i)) };
+        rows.extend(std::iter::repeat_n(one, constraint.function.n_rows()));
+    }
+    rows
 }
 
 /// Modal coordinates behind those of the joints, and behind them the columns of moving nodes.

@@ -125,8 +125,11 @@ impl<'a> March<'a> {
         match self.plan.rule {
             Rule::Ali3p(weight) => {
                 let mut trend = from.trend.clone();
-                let (mut end, record, mut by) =
-                    self.eq.ali3p_step(&self.eq.opened(&from.instant, h), h, &trend, weight, counts)?;
+                let opened = self.eq.opened(&from.instant, h);
+                let (mut end, record, mut by) = self.eq.ali3p_step(&opened, h, &trend, weight, counts)?;
+                if !by.settled {
+                    self.eq.renew(&opened, &record, &mut by, counts)?;
+                }
                 trend.pass(&from.instant.acceleration, &end.acceleration, h);
                 end.motion.t = t;
                 by.linear = by.linear.filter(|_| self.tangents);

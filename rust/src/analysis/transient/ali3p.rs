@@ -63,6 +63,8 @@ pub struct Factors {
     pub linear: Option<Linear>,
     /// was the last correction so small that this is the tangent at the solution?
     pub exact: bool,
+    /// did the last correction leave the multipliers, of which the tangent is made, as they were?
+    pub settled: bool,
 }
 
 /// Derivatives of the residual and of the rows by the motion, in increments of the tree coordinates.
@@ -322,15 +324,27 @@ impl Equations<'_, f64> {
         let c = 0.25 * h * h;
         let mut x: Vec<f64> = (0..n).map(|i| h * v0[i] + c * (a0[i] + ahead[i])).collect();
         let mut lam = from.lam.clone();
-        let (step, linear, exact) = self.newton(from, h, &mut x, &mut lam, counts)?;
+        let (step, linear, exact, settled) = self.newton(from, h, &mut x, &mut lam, counts)?;
         let (_, m, a) = stars(self, &from.motion, a0, &x, h);
         let mut record =
             Record { h, straight: x, lam, dv: Vec::new(), kappa: Vec::new(), da: Vec::new(), nu: Vec::new() };
         let mut end = Instant { motion: m, acceleration: a, lam: record.lam.clone() };
         let projection =
             (self.n_rows() > 0).then(|| self.project(&mut end, &mut record, weight, counts)).transpose()?;
-        let factors = Factors { step, projection, weight, linear: Some(linear), exact };
+        let factors = Factors { step, projection, weight, linear: Some(linear), exact, settled };
         Ok((end, record, factors))
+    }
+
+    /// The matrix of a step at its solution, for those who differentiate: one correction may solve a short step, and its matrix was made
+    /// of the multipliers before.
+    pub fn renew(&self, from: &Instant, record: &Record, factors: &mut Factors, counts: &mut Counts) -> Result<()> {
+        let (x, h) = (&record.straight, record.h);
+        let (dq, m, a) = stars(self, &from.motion, &from.acceleration, x, h);
+        let linear = self.linearised(&m, &a, &record.lam, 0.5 * h, counts).2;
+        let maps = self.step_maps(&dq, &from.motion.rate, h, 2.0 / h);
+        factors.step = self.step_matrix(from, (x, &maps), &linear, h, counts)?;
+        (factors.linear, factors.exact, factors.settled) = (Some(linear), true, true);
+        Ok(())
     }
 
     fn project(&self, end: &mut Instant, record: &mut Record, weight: Weight, counts: &mut Counts) -> Result<Kkt> {
@@ -384,9 +398,12 @@ impl Equations<'_, f64> {
         x: &mut [f64],
         lam: &mut [f64],
         counts: &mut Counts,
-    ) -> Result<(Kkt, Linear, bool)> {
+    ) -> Result<(Kkt, Linear, bool, bool)> {
         let scales = self.scales();
         let size = |v: &[f64]| scaled_size(v, &scales);
+        // multipliers as energies, whatever the units of their rows
+        let row_scales = self.row_scales();
+        let largest = |l: &[f64]| l.iter().zip(&row_scales).fold(0.0_f64, |most, (l, s)| most.max((l / s).abs()));
         let c = 0.25 * h * h;
         let mut last = f64::INFINITY;
         for _ in 0..MAX_ITERATIONS {
@@ -411,14 +428,14 @@ impl Equations<'_, f64> {
             // what the last correction leaves, by how fast they shrink
             let left = if last.is_finite() { step * step / last } else { 0.0 };
             if step <= SOLVED * whole && left <= 16.0 * f64::EPSILON * whole || step <= 4.0 * f64::EPSILON {
-                return Ok((by, linear, step <= EXACT * whole));
+                return Ok((by, linear, step <= EXACT * whole, largest(y.as_slice()) <= SOLVED * c * largest(lam)));
             }
             if step > 2.0 * last && step > 1.0 {
                 break;
             }
             // rounding of a long way or of stiff forces: no further progress
             if step > 0.5 * last && step < ROUNDED * self.rounding(&m) {
-                return Ok((by, linear, false));
+                return Ok((by, linear, false, largest(y.as_slice()) <= SOLVED * c * largest(lam)));
             }
             last = step;
         }

@@ -62,9 +62,9 @@ use crate::spatial::Real;
 use crate::system::System;
 use crate::system::assemble::{Effects, Scene, Tangent};
 use crate::system::connector::motion_of;
-use crate::system::loops::{column_scales, row_scales};
+use crate::system::loops::column_scales;
 use crate::system::placement::{Placement, advance, difference, place};
-use crate::system::rows::explicit_rates;
+use crate::system::rows::{driven_rates, has_explicit_rates};
 use crate::system::topology::Topology;
 
 /// Where the model is, how it moves, and what its laws remember.
@@ -280,7 +280,7 @@ impl<'a, T: Real> Equations<'a, T> {
 
     /// Factors that make the rows dimensionless.
     pub fn row_scales(&self) -> Vec<f64> {
-        row_scales(self.topology(), self.system.length)
+        self.system.row_scales().to_vec()
     }
 
     pub fn place(&self, m: &Motion<T>) -> Placement<T> {
@@ -353,9 +353,14 @@ impl<'a, T: Real> Equations<'a, T> {
         jacobian * DVector::from_column_slice(&m.rate) + self.explicit_rates(m).0
     }
 
-    /// Phi_t and Phi_tt.
+    /// Phi_t, and Phi_tt of drives.
     fn explicit_rates(&self, m: &Motion<T>) -> (DVector<T>, DVector<T>) {
-        explicit_rates(self.topology(), &self.geometry, self.effects, m.t)
+        let (mut first, second) = driven_rates(self.topology(), &self.geometry, self.effects, m.t);
+        if has_explicit_rates(self.topology()) {
+            let placement = self.place(m);
+            self.scene(m, &placement, None).add_explicit_rates(&mut first);
+        }
+        (first, second)
     }
 
     /// gamma: what J a must cancel; the rate of J v + Phi_t at a = 0.

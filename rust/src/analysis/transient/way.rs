@@ -21,7 +21,7 @@ pub(super) struct Way {
     pub recent: f64,
 }
 
-/// Springs, laws and couplers of angles whose turns no coordinate counts.
+/// Springs, laws, couplers and constraints of angles whose turns no coordinate counts.
 pub(super) struct Uncounted<'e, 's> {
     eq: &'e Equations<'s, f64>,
     /// joint or element, and its angle
@@ -36,11 +36,13 @@ impl<'e, 's> Uncounted<'e, 's> {
         let springs = felt.flat_map(|c| c.coordinates.iter().map(move |x| (c.owner, *x)));
         let coupled = tables.couplers.iter().flat_map(|c| c.joints.into_iter().zip(c.coordinates));
         let coupled = coupled.map(|(j, k)| (Owner::Joint(j), tables.joints[j].kind.free_coordinates()[k]));
+        let bound = (0..tables.constraints.len()).flat_map(|c| tables.motions_of(c));
+        let bound = bound.map(|(j, x)| (Owner::Joint(j), x));
         let lost = |(owner, x): &(Owner, Coordinate)| {
             let ((a, b), pair) = (topology.ends(*owner), pair_of(&eq.geometry, *owner));
             matches!(x, Coordinate::Angle { .. }) && topology.loses_turns(pair.number, a, b)
         };
-        Uncounted { eq, pairs: springs.chain(coupled).filter(lost).collect() }
+        Uncounted { eq, pairs: springs.chain(coupled).chain(bound).filter(lost).collect() }
     }
 
     /// Whose angle goes over half a turn between two motions, where it jumps: value and rate no longer belong together.

@@ -61,6 +61,7 @@ impl<'a> ByHand<'a> {
         let power = Power {
             eq: self.eq,
             motion: m,
+            time: m.t,
             acceleration: a,
             rates: u,
             factor: -f,
@@ -79,6 +80,7 @@ impl<'a> ByHand<'a> {
         let power = Power {
             eq: self.eq,
             motion: m,
+            time: m.t,
             acceleration: &[],
             rates: &[],
             factor: 0.0,
@@ -99,6 +101,7 @@ impl<'a> ByHand<'a> {
         let power = Power {
             eq: &self.dual,
             motion: &moved,
+            time: Dual64::new(m.t, 1.0),
             acceleration: &[],
             rates: &[],
             factor: 0.0,
@@ -137,6 +140,7 @@ impl<'a> ByHand<'a> {
         let power = Power {
             eq: &self.dual,
             motion: &moved,
+            time: Dual64::from(m.t),
             acceleration: &a,
             rates: u,
             factor: -1.0,
@@ -155,6 +159,7 @@ impl<'a> ByHand<'a> {
         let power = Power {
             eq: self.eq,
             motion: m,
+            time: m.t,
             acceleration: d,
             rates: u,
             factor: -1.0,

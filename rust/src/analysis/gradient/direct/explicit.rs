@@ -86,7 +86,7 @@ impl Touched {
             self.rows |= !geometry.joint_length[j].is_constant()
                 || changes(eq, spec.x + joint::LENGTH..spec.x + joint::LENGTH + 1);
             match row.purpose {
-                Purpose::Joint => {}
+                Purpose::Joint | Purpose::Constraint(_) => {}
                 Purpose::Drive(d) => self.rows |= motion_changes(eq, tables.drives[d].motion),
                 Purpose::Coupler(c) => {
                     let x = tables.couplers[c].x;
@@ -95,7 +95,20 @@ impl Touched {
                 }
             }
         }
+        self.add_constraints(eq);
         self.rows |= self.whole;
+    }
+}
+
+impl Touched {
+    /// A function of several coordinates pulls on each of them by the values of all.
+    fn add_constraints<const N: usize>(&mut self, eq: &Equations<'_, Wide<f64, N>>) {
+        let tables = &eq.topology().tables;
+        for (c, spec) in tables.constraints.iter().enumerate() {
+            let pairs = || tables.motions_of(c).map(|(j, _)| &eq.geometry.joints[j]);
+            self.whole |= changes(eq, spec.x..spec.x + spec.function.n_params())
+                || pairs().any(|p| moves(&p.a) || moves(&p.b) || !p.pitch.is_constant());
+        }
     }
 }
 

@@ -10,6 +10,7 @@ use num_dual::Dual;
 
 use crate::force::AnyLaw;
 use crate::joint::Coordinate;
+use crate::model::constraint::RowSlopes;
 use crate::model::layout::flag::LENGTH_GIVEN;
 use crate::model::layout::{coupler, joint};
 use crate::model::tables::BodyRef;
@@ -280,8 +281,11 @@ impl<T: OnTape> Power<'_, '_, T> {
         let mut start = 0;
         while start < rows.len() {
             let same = rows[start..].iter().take_while(|r| r.belongs_with(&rows[start])).count();
+            if let (Purpose::Constraint(c), true) = (rows[start].purpose, self.eq.effects.row(&rows[start])) {
+                self.constraint_back(at, twists, c, start, bodies, out);
+            }
             let all: Vec<_> = (start..start + same)
-                .filter(|i| self.eq.effects.row(&rows[*i]))
+                .filter(|i| self.eq.effects.row(&rows[*i]) && !matches!(rows[*i].purpose, Purpose::Constraint(_)))
                 .map(|i| (i, rows[i].coordinate))
                 .collect();
             let factor = T::one();
@@ -290,6 +294,62 @@ impl<T: OnTape> Power<'_, '_, T> {
                 self.purpose_back(at, twists, &rows[*i], *i, bodies, out);
             }
             start += same;
+        }
+    }
+
+    /// Rows that are functions of several coordinates u: alpha Phi + beta (c u' + s) + kappa c e'(U).
+    fn constraint_back(
+        &self,
+        at: &Placement<T>,
+        twists: &Twists<T>,
+        c: usize,
+        start: usize,
+        bodies: &mut Bodies<T>,
+        out: &mut Slopes<T>,
+    ) {
+        let tables = &self.eq.topology().tables;
+        let spec = &tables.constraints[c];
+        let weights: Vec<[T; 3]> = (start..start + spec.function.n_rows()).map(|i| self.weights(i)).collect();
+        if weights.iter().flatten().all(absent) {
+            return;
+        }
+        let links: Vec<_> = (tables.motions_of(c))
+            .map(|(j, x)| {
+                let joint = &tables.joints[j];
+                let link = self.link(at, twists, joint.a, joint.b, Owner::Joint(j));
+                let row = link.here.relative.row(x);
+                (x, row, [row.g.dot(&link.xi), row.g.dot(&link.eta)], link)
+            })
+            .collect();
+        let lift = |v: T| Dual::from_re(v);
+        let time = lift(self.time);
+        let mut u: Vec<_> = links.iter().map(|(_, row, ..)| lift(row.e)).collect();
+        let mut p: Vec<_> = self.eq.x[spec.x..spec.x + spec.function.n_params()].iter().map(|v| lift(*v)).collect();
+        let by = |rows: &[RowSlopes<Dual<T>>]| {
+            let mut sum = T::zero();
+            for (row, [alpha, beta, kappa]) in rows.iter().zip(&weights) {
+                sum += row.value.eps * *alpha + row.s.eps * *beta;
+                for (c, (_, _, [rate, virtual_], _)) in row.c.iter().zip(&links) {
+                    sum += c.eps * (*rate * *beta + *virtual_ * *kappa);
+                }
+            }
+            sum
+        };
+        for k in 0..p.len() {
+            p[k].eps = T::one();
+            out.x[spec.x + k] += by(&spec.function.slopes(time, &u, &p));
+            p[k].eps = T::zero();
+        }
+        for (k, (coordinate, row, _, link)) in links.iter().enumerate() {
+            u[k].eps = T::one();
+            let rows = spec.function.slopes(time, &u, &p);
+            u[k].eps = T::zero();
+            let mut entry = Entry { coordinate: *coordinate, g: row.g, by: [by(&rows), T::zero(), T::zero()] };
+            for (row, [_, beta, kappa]) in rows.iter().zip(&weights) {
+                entry.by[1] += row.c[k].re * *beta;
+                entry.by[2] += row.c[k].re * *kappa;
+            }
+            self.link_back(at, link, &[entry], bodies, out);
         }
     }
 
@@ -339,6 +399,7 @@ impl<T: OnTape> Power<'_, '_, T> {
         let (topology, by) = (self.eq.topology(), self.weights(i));
         let tables = &topology.tables;
         match row.purpose {
+            Purpose::Constraint(_) => {}
             Purpose::Joint => {
                 let spec = &tables.joints[row.joint];
                 if spec.kind.has_length() {

@@ -38,6 +38,8 @@ pub enum Forces {
 pub struct Power<'a, 'b, T: Real> {
     pub eq: &'b Equations<'a, T>,
     pub motion: &'b Motion<T>,
+    /// of the motion, with its rate where it runs along
+    pub time: T,
     pub acceleration: &'b [T],
     /// u
     pub rates: &'b [f64],
