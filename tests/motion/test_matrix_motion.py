@@ -179,3 +179,10 @@ def test_a_motion_that_stops_keeps_what_it_has():
         mb.simulate(s, 50.0, x0=[2.0])  # x" = x^3 - x: infinity in finite time
     assert stopped.value.result.displacement[0, -1] > 10.0
     assert np.isinf(stopped.value.result.error[0])
+
+
+def test_a_slider_that_the_start_overloads_has_slipped():
+    # x" + clip(5 (x - z), 0.4) = 0 from x = -0.2 with z = -0.12 at once, so that it springs back by 0.08 and goes on
+    s = mb.MechanicalSystem([[1.0]], None, [[0.0]], elements=[mb.Jenkins(5.0, 0.4, w=[1.0])])
+    y = mb.simulate(s, 0.3, x0=[-0.2], rtol=1e-9)
+    assert y.displacement[0, -1] == pytest.approx(-0.12 - 0.08 * np.cos(np.sqrt(5.0) * 0.3), abs=1e-8)

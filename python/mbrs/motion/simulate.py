@@ -13,7 +13,7 @@ import numpy as np
 
 from .. import _core
 from .._lib.border import core_errors
-from .._lib.checks import shown
+from .._lib.checks import count, shown
 from .._lib.progress import Progress
 from ..errors import ConvergenceError, Interrupted, MbrsWarning, ModelError
 from ..linear.matrices import MechanicalSystem
@@ -46,6 +46,8 @@ _TIGHTENED, _TIGHTER = frozenset({"explicit", "radau", "bdf", "bdf-bfgs"}), 30.0
 _NOISE_WITHOUT_TANGENT = 1e-9
 # deflections beyond this part of a body's length are too large for linear elasticity in a frame
 _BENT = 0.2
+# updates of multipliers in one linear system
+_MOST_PASSES = 1000
 # outputs at which the error is estimated
 _COMPARED = 50
 
@@ -68,6 +70,8 @@ def simulate(
     first_step: float | None = None,
     max_steps: int | None = None,
     parameters: str | Sequence[str] | None = None,
+    penalty: float | None = None,
+    passes: int | None = None,
 ) -> Trajectory: ...
 
 
@@ -108,6 +112,8 @@ def simulate(
     first_step: float | None = None,
     max_steps: int | None = None,
     parameters: str | Sequence[str] | None = None,
+    penalty: float | None = None,
+    passes: int | None = None,
     loads: Any = None,
     x0: Any = None,
     v0: Any = None,
@@ -159,6 +165,11 @@ def simulate(
         s; limits of the controlled steps.
     max_steps
         Stop after so many.
+    penalty, passes
+        "ali3p": penalty factor in effective masses of the rows, and how often the multipliers are updated (by default once) in every
+        linear system of a step and in each projection. None: the limit of many passes, solved at once, which no penalty has a part
+        in. ``stats.measures`` has the largest residuals of velocities and accelerations before and after their projections (in
+        characteristic lengths or radians per s and s^2), ``stats.counts`` the passes.
     parameters
         Addresses of numbers by which ``traj.sensitivity(...)`` is to differentiate (method "ali3p", which is then the one
         that "auto" takes, or "generalized-alpha"); ``t`` is a number then.
@@ -209,7 +220,9 @@ def simulate(
     True
     """
     if isinstance(m, MechanicalSystem):
-        own: dict[str, Any] = dict(at=at, coordinates=coordinates, parameters=parameters)
+        own: dict[str, Any] = dict(
+            at=at, coordinates=coordinates, parameters=parameters, penalty=penalty, passes=passes
+        )
         for name, value in own.items():
             if value is not None:
                 raise ModelError(f"{name}= belongs to motions of a Model; a MechanicalSystem starts from x0= and v0=")
@@ -257,6 +270,7 @@ def simulate(
         raise ModelError(f"max_steps= must be a whole number, got {shown(max_steps)}")
     if rho is not None and not 0.0 <= rho <= 1.0:
         raise ModelError(f"rho= lies between 0 and 1, got {rho}")
+    options |= _penalised(method, penalty, passes, parameters)
     options["method"] = _variant(method, form, update, None if absolute else coordinates)
 
     air = stepped(m, without, absolute)
@@ -329,6 +343,23 @@ def _variant(method: str, form: Any, update: Any, coordinates: Any) -> str:
     if update not in ("auto", "bfgs", "broyden"):
         raise ModelError(f"update= is 'auto', 'bfgs' or 'broyden', got {shown(update)}")
     return f"{method}/{form}/{update}"
+
+
+def _penalised(method: str, penalty: Any, passes: Any, parameters: Any) -> dict[str, float]:
+    if penalty is None and passes is None:
+        return {}
+    if method != "ali3p":
+        raise ModelError(f'penalty= and passes= belong to method="ali3p", not to {shown(method)}')
+    if parameters is not None:
+        raise ModelError(
+            "sensitivities belong to the limit of many passes; leave out penalty= and passes=, or parameters="
+        )
+    if penalty is None:
+        raise ModelError("passes= belongs to a penalty factor: give penalty=, such as 1e6")
+    return {
+        "penalty": _number("penalty", penalty),
+        "passes": float(count("passes", 1 if passes is None else passes, _MOST_PASSES)),
+    }
 
 
 def _with_sensitivities(method: str) -> str:
@@ -421,7 +452,13 @@ def _trajectory(
         wake=wake,
         without=without,
         error=functools.partial(_estimated_error, state=state, options=options),
-        stats=Stats(wall, dict(made["counts"]), acting, f"{made['method']}: {made['why']}{_solved_by(made, options)}"),
+        stats=Stats(
+            wall,
+            dict(made["counts"]),
+            acting,
+            f"{made['method']}: {made['why']}{_solved_by(made, options)}",
+            made["measures"],
+        ),
         status=made["status"],
     )
 

@@ -126,7 +126,7 @@ impl<'a> March<'a> {
             Rule::Ali3p(weight) => {
                 let mut trend = from.trend.clone();
                 let (mut end, record, mut by) =
-                    self.eq.ali3p_step(&self.eq.opened(&from.instant, h), h, &trend, weight, counts)?;
+                    self.eq.ali3p_step(&self.eq.opened(&from.instant, h), h, &trend, (weight, None), counts)?;
                 trend.pass(&from.instant.acceleration, &end.acceleration, h);
                 end.motion.t = t;
                 by.linear = by.linear.filter(|_| self.tangents);
