@@ -13,12 +13,12 @@ VALUES = {"E": 2.1e11, "rho": 7800.0, "I": 1.7e-9, "A": 2e-4, "zeta": 0.013}
 
 def cantilever():
     m = mb.Model("cantilever")
-    E, rho, I, A, zeta = (m.parameter(name, value) for name, value in VALUES.items())
+    E, rho, inertia, A, zeta = (m.parameter(name, value) for name, value in VALUES.items())
     beam = mb.flexible.beam(
         1.3,
         mass=rho * A,
-        EI_flap=E * I,
-        EI_edge=4.0 * E * I,
+        EI_flap=E * inertia,
+        EI_edge=4.0 * E * inertia,
         inertia_flap=0.0,
         inertia_edge=0.0,
         modes=3,
@@ -119,7 +119,7 @@ def test_models_of_such_beams_are_kept(way, tmp_path):
 def test_what_changes_the_mesh_is_refused():
     m = mb.Model("x")
     L = m.parameter("L", 1.0)
-    with pytest.raises(mb.ModelError, match="length is a number.*build the beam again"):
+    with pytest.raises(mb.ModelError, match=r"length is a number.*build the beam again"):
         mb.flexible.beam(L, mass=1.0, EI_flap=1.0, EI_edge=1.0)
     with pytest.raises(mb.ModelError, match="stiffening=False"):
         mb.flexible.beam([0.0, 0.5, 1.0], mass=np.array([1.0, 1.0, 2.0 * L]), EI_flap=1.0, EI_edge=1.0, fixed=None)

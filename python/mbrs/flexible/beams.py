@@ -133,9 +133,9 @@ def beam(
     direct = dict(mass=mass, EI_flap=EI_flap, EI_edge=EI_edge, GJ=GJ, EA=EA, GA_flap=GA_flap, GA_edge=GA_edge)
     own = dict(inertia_flap=inertia_flap, inertia_edge=inertia_edge)
     given = {**material, **direct, **own}
-    found = {name: some for name in _PRODUCTS if (some := _expressions(name, given, len(x), shear))}
     numbers = {name: plain(value) for name, value in given.items()}
     properties = _properties(x, numbers, numbers, shear)
+    found = {name: some for name in _PRODUCTS if (some := _expressions(name, given, len(x), shear))}
     properties["twist"] = _at_stations("twist", twist, x)
     places = _places(nodes, x)
     grid = _mesh(x, properties, places, count("elements", elements, 2000), shear)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -103,7 +102,7 @@ class ModalBody:
     line_position: np.ndarray = None  # type: ignore[assignment]
     line_shape: np.ndarray = None  # type: ignore[assignment]
     note: str = ""
-    driven: Mapping[str, Any] = field(default_factory=dict)
+    driven: Any = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         m = self._modes()
