@@ -155,7 +155,7 @@ def beam(
 
 
 def _expressions(name: str, given: dict[str, Any], n: int, shear: bool) -> list[Channel]:
-    """Where a property depends on parameters: the expressions in it."""
+    """The expressions of parameters in a property."""
     if not shear and name.startswith("GA"):
         return []
     parts = [given[name]] if given[name] is not None else [given[part] for part in _PRODUCTS[name]]

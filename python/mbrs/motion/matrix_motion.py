@@ -84,7 +84,7 @@ class _Scene:
         from scipy.linalg import eigvalsh
 
         square, decay = (float(np.abs(eigvalsh(A, self.M)).max()) for A in (self.K, self.C))
-        return max(np.sqrt(square), decay)
+        return float(max(np.sqrt(square), decay))
 
     def model(self, size: float) -> Model:
         """The model whose tolerances belong to a motion of this size, sqrt(kg) m: the mass of the held body sets them."""
