@@ -66,8 +66,8 @@ def test_lists_of_modes_stand_beside_each_other() -> None:
     ours, other = (line.get_xydata() for line in upper.get_lines())
     assert ours[:, 0].tolist() == list(range(1, 7)) and np.all(np.diff(ours[:, 1]) >= 0)
     assert other[:, 1] == pytest.approx(ours[:, 1] * (1 + 1e-3))
-    assert f"largest {1e-3 * one.frequency.max():.1e} Hz" in upper.get_title()
-    assert "largest 0.0e+00" in lower.get_title()
+    assert f"largest {1e-3 * one.frequency.max():.1e} Hz" in upper.get_title(loc="left")
+    assert "largest 0.0e+00" in lower.get_title(loc="left")
     _no_text_is_cut(figure)
     assert len(one.plot("list", n=3).axes[0].get_lines()[0].get_xydata()) == 3
     with pytest.raises(ModelError, match='as a "list"'):
