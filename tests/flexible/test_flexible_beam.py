@@ -496,3 +496,22 @@ def test_a_fine_mesh_loses_no_digits_of_its_stiffness(elements, theory):
     known = length**3 / (3 * EI) + (length / GA if shear else 0.0)
     print(f"{elements} elements, {theory}: off by {abs(h / known - 1):.1e}")
     assert abs(h / known - 1) < 1e-12 + 10 * jitter.level()
+
+
+@pytest.mark.parametrize("joint", ["revolute", "spherical", "cylindrical"])
+def test_a_beam_that_may_spin_about_its_axis_without_inertia_is_refused(joint):
+    """No rotary inertia, so that nothing resists a turn about the axis: object and remedy, whatever the axes."""
+    x = np.array([0.6, -0.64, 0.48])
+    y = np.cross([0.3, 0.9, 0.2], x)
+    y /= np.linalg.norm(y)
+    m = mb.Model("spin")
+    f = m.flexible_body(
+        "beam",
+        beam(1.3, mass=0.7, EI_flap=120.0, EI_edge=75.0, modes=4, attach=["tip"]),
+        at=(0.2, 0.1, -0.4),
+        orientation=np.column_stack([x, y, np.cross(x, y)]),
+    )
+    axis = {} if joint == "spherical" else {"axis": tuple(x)}
+    getattr(m, joint)("pin", m.ground, f.node("root"), at=(0.2, 0.1, -0.4), **axis)
+    with pytest.raises(mb.SingularError, match=r"coordinate 'pin[.a-z]*' carries no inertia.*give it mass or inertia"):
+        mb.modes(m)

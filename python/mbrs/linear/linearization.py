@@ -152,7 +152,7 @@ class Linearization(Result):
             return made
         flexible = [body for body, _, _ in modal_masses(self)]
         kept = made.reshape(len(places), 6, -1)[[i for i in range(len(places)) if i not in flexible]]
-        modal = [np.linalg.cholesky(mass).T @ rows for _, rows, mass in modal_masses(self)]
+        modal = [_factor(mass) @ rows for _, rows, mass in modal_masses(self)]
         return np.vstack([kept.reshape(-1, made.shape[1]), *modal])
 
     def body_kinetic_energy(self, shape: np.ndarray) -> np.ndarray:
@@ -360,3 +360,13 @@ def node_twist(lin: Linearization, name: str) -> tuple[int, np.ndarray, np.ndarr
     twist[:3] += R @ shape[:3] @ moving
     twist[3:] += np.stack(axes, axis=1) @ shape[3:] @ moving
     return body, twist, lin.poses["position"][body] + arm
+
+
+def _factor(mass: np.ndarray) -> np.ndarray:
+    """F with F^T F = mass, which is semidefinite where a body has no inertia about an axis, such as a beam about its own."""
+    size = np.sqrt(np.diag(mass))
+    size[size == 0.0] = 1.0
+    square, axes = np.linalg.eigh(mass / np.outer(size, size))
+    rounding = len(mass) * np.finfo(float).eps * square[-1]
+    factor: np.ndarray = np.sqrt(np.where(square > rounding, square, 0.0))[:, None] * axes.T * size
+    return factor
