@@ -207,7 +207,11 @@ MAKE = {
         _turbine(), np.linspace(0.0, 3.0, 7), 8.0, 4.0, pitch=np.linspace(0.0, 0.1, 7)
     ),
     "StallResponse": lambda: mb.aero.dynamic_stall(
-        mb.aero.polar([-0.4, 0.0, 0.2, 0.4], [-0.8, 0.1, 1.1, 0.7], [0.1, 0.01, 0.02, 0.1]), [0.0, 0.1, 0.3], [0.1, 0.3, 0.2], 20.0, 0.7
+        mb.aero.polar([-0.4, 0.0, 0.2, 0.4], [-0.8, 0.1, 1.1, 0.7], [0.1, 0.01, 0.02, 0.1]),
+        [0.0, 0.1, 0.3],
+        [0.1, 0.3, 0.2],
+        20.0,
+        0.7,
     ),
     "RotorWake": lambda: mb.aero.rotor_wake(
         _turbine(), 5.0, turns=4, steps=12, strips=4, free_turns=0.5, mean_turns=1.5, tail_turns=0.5
