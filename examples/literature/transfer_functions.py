@@ -27,11 +27,12 @@ def main(where: Path | str) -> None:
     cases = {
         "TL7RF1, B6,1 x to B6,32 y": (tree, "B6,1.force.x", "B6,32.motion.y", (1e-3, 1.0)),
         "quadruped, torso x to x": (mb.examples.quadruped(), "torso.force.x", "torso.motion.x", (0.1, 100.0)),
+        "quadruped, torso z to z": (mb.examples.quadruped(), "torso.force.z", "torso.motion.z", (0.1, 100.0)),
         "Stewart platform, z to z": (
             mb.examples.stewart_platform(), "platform.force.z", "platform.motion.z", (0.1, 100.0),
         ),
     }  # fmt: skip
-    figure, axes = plt.subplots(2, 3, figsize=(12, 5.5), layout="constrained", sharex="col")
+    figure, axes = plt.subplots(2, 4, figsize=(15, 5.5), layout="constrained", sharex="col")
     rows = []
     for place, (name, (model, load, motion, (low, high))) in zip(axes.T, cases.items(), strict=True):
         frequency = np.geomspace(low, high, 400)
@@ -45,7 +46,7 @@ def main(where: Path | str) -> None:
         place[1].semilogx(frequency, np.angle(ours, deg=True))
         place[1].semilogx(frequency[some], np.angle(other, deg=True), "o", mfc="none", ms=4)
         place[0].set_title(name, fontsize=10)
-        place[0].set_ylabel("displacement over force [dB, 1 m/N]")
+        place[0].set_ylabel("displacement over force [dB, 1 m/N]", fontsize=8)
         place[1].set(ylabel="phase [deg]", xlabel="frequency [Hz]")
         gap = np.abs(ours[some] - other).max() / np.abs(other).max()
         peak = frequency[np.argmax(abs(ours))]

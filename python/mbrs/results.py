@@ -38,13 +38,14 @@ FIXED_LABELS: Mapping[str, tuple[str, ...]] = {
 @dataclass(frozen=True)
 class Stats:
     """Cost of a result: wall time in seconds, deterministic work counts, the effects that ran, the route that was
-    taken.
+    taken; ``measures``: numbers of a run by name, such as residuals before and after projections.
     """
 
     wall_time: float = 0.0
     counts: Mapping[str, int] = field(default_factory=dict)
     effects: tuple[str, ...] = ()
     route: str = ""
+    measures: Mapping[str, float] = field(default_factory=dict)
 
 
 def added_counts(*parts: Any) -> dict[str, int]:

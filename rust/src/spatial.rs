@@ -2,6 +2,8 @@
 //!
 //! Everything is generic over `Real`, so that one text serves values (`f64`) and exact derivatives (dual numbers). Twists and
 //! wrenches are `Six`: the translation part first, taken at a point that the caller names.
+use std::f64::consts::FRAC_PI_2;
+
 use nalgebra::{Matrix3, Vector3};
 use num_dual::DualNum;
 
@@ -16,6 +18,15 @@ pub type M3<T> = Matrix3<T>;
 /// alone, so with duals nothing is left out.
 pub fn absent<T: Real>(x: &T) -> bool {
     T::NDERIV == 0 && x.is_zero()
+}
+
+/// The angle of the direction (x, y). That of dual numbers goes over y / x, whose derivatives are not finite where x is zero.
+#[inline(never)]
+pub fn arctan2<T: Real>(y: T, x: T) -> T {
+    if x.re().abs() < f64::EPSILON * y.re().abs() {
+        return T::from(FRAC_PI_2.copysign(y.re())) - (x / y).atan();
+    }
+    y.atan2(x)
 }
 
 pub fn lift<T: Real>(x: f64) -> T {
@@ -434,6 +445,18 @@ pub fn frame_of_axis<T: Real>(axis: &V3<T>) -> M3<T> {
 mod tests {
     use super::*;
     use num_dual::Dual64;
+
+    #[test]
+    fn an_angle_has_its_derivatives_on_all_axes() {
+        for (y, x) in [(1.3, 0.0), (-0.4, 0.0), (2.1, 1e-300), (-2.1, -1e-18), (0.3, -0.7), (0.0, -1.1), (0.0, 0.2)] {
+            let s: f64 = x * x + y * y;
+            for (dy, dx) in [(1.0, 0.0), (0.0, 1.0)] {
+                let angle = arctan2(Dual64::new(y, dy), Dual64::new(x, dx));
+                assert!((angle.re - y.atan2(x)).abs() < 1e-15, "{y} {x}");
+                assert!((angle.eps - (x * dy - y * dx) / s).abs() < 1e-15 / s.sqrt(), "{y} {x}");
+            }
+        }
+    }
 
     #[test]
     fn exp_and_log_invert_each_other_for_small_and_large_angles() {

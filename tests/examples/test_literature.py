@@ -17,7 +17,7 @@ FOLDER = EXAMPLES / "literature"
 SAYS = {
     "matrices": (["6n = 54, p = 45, q = 60, m = 3: 6 instead of 51"], ["matrices"]),
     "mode_lists": (["127 modes", "Adams is not here"], ["mode_lists"]),
-    "transfer_functions": (["B6,1 x to B6,32 y", "in dB"], ["transfer_functions"]),
+    "transfer_functions": (["B6,1 x to B6,32 y", "torso z to z", "in dB"], ["transfer_functions"]),
     "time_response": (["0.886 mm at most"], ["time_response"]),
     "reduction_cost": (["all constraints"], ["reduction_cost"]),
     "alternating": (["p = 2, m = 5", "a1 = 1.30534547"], ["alternating"]),

@@ -94,6 +94,14 @@ def make(node: Any, root: Path) -> Callable[..., None]:
     return case
 
 
+def in_size_of(traj: Any, known: Any) -> float:
+    """``traj.error`` of places, which is over the characteristic length, over the largest of the known places.
+
+    It estimates neither velocities nor reactions: cases of those have no estimate.
+    """
+    return float(traj.error * traj.snapshot.system.characteristic_length / np.max(np.abs(known)))
+
+
 def _text(value: Any) -> str:
     value = complex(value)
     return (

@@ -93,6 +93,24 @@ def test_linearised_forces_are_the_slopes_of_the_forces(inflow, flexible):
     assert np.max(np.abs(lin.C - without.C)) > 1e-2 * np.max(np.abs(lin.C))
 
 
+@pytest.mark.parametrize("inflow", ["none", "bem"])
+def test_a_parked_blade_in_wind_across_its_chord_has_tangents(inflow):
+    """The wind has no component along the body's y axis, exactly: the same modes as in wind that is turned by 1e-7."""
+
+    def eigenvalues(side):
+        m = mb.Model("parked")
+        body = m.body("blade", mass=30.0, inertia=(1.0, 90.0, 90.0), com=(3.0, 0.0, 0.0), at=(0, 0, 0))
+        m.revolute("flap", m.ground, body, at=(0, 0, 0), axis="y", k=2e5)
+        blade = mb.aero.blade([1.0, 6.0], 0.5, 0.1, polars()[0], body="blade", sections=5)
+        wind = mb.aero.wind(9.0, (side, 1.3 * side, 1.0))
+        m.aerodynamics("air", [blade], wind=wind, inflow=inflow, axis="z")
+        return mb.modes(m, at=mb.equilibrium(m)).eigenvalue
+
+    exact = eigenvalues(0.0)
+    assert np.all(np.isfinite(exact)) and exact.real[0] < -0.1
+    assert exact == pytest.approx(eigenvalues(1e-7), rel=1e-6)
+
+
 @pytest.mark.parametrize("method", ["explicit", "radau", "generalized-alpha", "bdf", "bdf-bfgs", "ali3p"])
 def test_all_schemes_agree(method):
     m = vane(sections=3)

@@ -105,6 +105,20 @@ def test_simpler_inflows_stand_beside_the_models_own():
 
 
 @pytest.mark.slow
+def test_the_steps_of_an_inflow_span_an_accuracy_study_of_motions():
+    def moving(steps):
+        m, _ = rotor(inflow="dynamic-inflow", sections=4, count=1, options={"steps": steps}, shear=0.9)
+        return mb.simulate(m, t=np.array([4.0, 6.0]) * STEP, rtol=1e-7)
+
+    def apart(a, b):
+        """largest difference of the thrust, relative"""
+        return float(np.max(np.abs(a.thrust - b.thrust)) / np.max(np.abs(b.thrust)))
+
+    coarse, middle, fine = mb.accuracy_study(moving, steps=[12, 24, 72], repeat=1, measure=apart).points
+    assert fine.is_reference and 0.0 < middle.error < 0.5 * coarse.error < 1e-2
+
+
+@pytest.mark.slow
 def test_momentum_theory_stands_beside_a_wake():
     m, _ = rotor(inflow="free-wake", sections=4, options={"steps": 12, "tail_turns": 1.0}, wind=7.0)
     study = mb.effect_study(mb.simulate, m, repeat=1, t=2 * STEP, rtol=1e-5, effects=["aerodynamics"])

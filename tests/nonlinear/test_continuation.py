@@ -110,6 +110,34 @@ def test_all_predictors_and_correctors(predictor, corrector, curve):
     assert other.omega[-1] == 1.6 and np.allclose(other.X[-1], curve.X[-1], atol=1e-9)
 
 
+def test_lagrange_predictors_of_orders_one_to_five(curve):
+    def stepped(predictor, corrector="pseudo-arclength"):
+        found = frequency_response(
+            duffing(),
+            force=[0.18],
+            omega=(0.5, 1.6),
+            harmonics=7,
+            predictor=predictor,
+            corrector=corrector,
+            max_step=0.05,
+            stability=False,
+        )
+        assert found.status == "converged"
+        assert [e.omega for e in found.events] == pytest.approx([e.omega for e in curve.events], abs=1e-10)
+        return found
+
+    orders = [stepped(f"lagrange{order}") for order in range(1, 6)]
+    assert np.array_equal(orders[2].omega, stepped("lagrange").omega)
+    # the order 1 is the secant, and every other one goes a way of its own
+    assert np.allclose(orders[0].omega, stepped("secant").omega, rtol=1e-12)
+    assert len({tuple(one.omega) for one in orders}) == 5
+    # equal steps: a better guess needs fewer corrections
+    per_point = [one.stats.counts["corrections"] / len(one) for one in orders]
+    assert min(per_point[1:]) < per_point[0]
+    with pytest.raises(ModelError, match=r"there is no predictor 'lagrange6'.*\"lagrange5\""):
+        stepped("lagrange6")
+
+
 def test_downward_sweep_meets_the_same_folds(curve):
     down = frequency_response(duffing(), force=[0.18], omega=(1.6, 0.5), harmonics=7)
     assert [event.omega for event in down.events] == pytest.approx(

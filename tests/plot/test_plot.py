@@ -56,6 +56,26 @@ def test_modes_shows_every_pole_and_coordinate() -> None:
     _no_text_is_cut(figure)
 
 
+def test_lists_of_modes_stand_beside_each_other() -> None:
+    chain = mb.examples.chain(6)
+    one = mb.modes(chain)
+    f, zeta = one.frequency[::-1] * (1 + 1e-3), one.damping[::-1].copy()
+    figure = one.plot("list", against=(f, zeta))
+    upper, lower = figure.axes
+    assert upper.get_ylabel() == "natural frequency [Hz]" and _labels(lower) == ("mode", "damping ratio")
+    ours, other = (line.get_xydata() for line in upper.get_lines())
+    assert ours[:, 0].tolist() == list(range(1, 7)) and np.all(np.diff(ours[:, 1]) >= 0)
+    assert other[:, 1] == pytest.approx(ours[:, 1] * (1 + 1e-3))
+    assert f"largest {1e-3 * one.frequency.max():.1e} Hz" in upper.get_title(loc="left")
+    assert "largest 0.0e+00" in lower.get_title(loc="left")
+    _no_text_is_cut(figure)
+    assert len(one.plot("list", n=3).axes[0].get_lines()[0].get_xydata()) == 3
+    with pytest.raises(ModelError, match='as a "list"'):
+        one.plot("table")
+    with pytest.raises(ModelError, match="against= belongs to"):
+        one.plot(against=one)
+
+
 def test_modes_of_a_large_model_has_no_tick_for_each_coordinate() -> None:
     n = 300
     rng = np.random.default_rng(0)

@@ -93,3 +93,21 @@ def test_chains_of_bodies_without_inertia(kind):
     exact = np.sqrt(sl.eigh(lin.K, lin.M, eigvals_only=True, subset_by_index=[0, 4]))
     print(few.omega / exact - 1, few.error, few.stats.route)
     assert few.stats.route.startswith("sparse") and np.allclose(few.omega, exact, rtol=1e-8)
+
+
+@pytest.mark.slow
+def test_crowded_damped_roots_of_a_long_row():
+    """Masses on an elastic foundation with C = a M + b K: s^2 + (a + b l) s + l = 0, l = 2.5 - 2 cos(k pi/(n + 1)).
+
+    No real shift parts them: the dense route does.
+    """
+    n, a, b = 1000, 0.01, 0.003
+    one = sp.identity(n, format="csr")
+    K = sp.diags([2.5 * np.ones(n), -np.ones(n - 1), -np.ones(n - 1)], [0, 1, -1]).tocsr()
+    r = mb.modes(mb.MechanicalSystem(one, C=(a * one + b * K).tocsr(), K=K), n=5)
+    lam = 2.5 - 2 * np.cos(np.pi * np.arange(1, 6) / (n + 1))
+    half = (a + b * lam) / 2
+    known = -half + 1j * np.sqrt(lam - half**2)
+    error = np.abs(r.eigenvalue / known - 1).max()
+    print(f"{r.stats.route}: error {error:.1e}, estimate {r.error.max():.1e}")
+    assert error < 4 * r.error.max() < 1e-12 and r.status == "converged"

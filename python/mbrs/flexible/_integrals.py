@@ -12,13 +12,19 @@ from ._elements import Mesh
 Array = np.ndarray
 
 
-def rigid_body(grid: Mesh) -> tuple[float, Array, Array]:
-    """Mass, centre of mass and inertia about it."""
+def rigid_moments(grid: Mesh) -> tuple[float, float, float, Array]:
+    """int rho dx, int rho x dx, int rho x^2 dx, and int rho s s^T of the sections (3, 3)."""
     mass, first, second, own = 0.0, 0.0, 0.0, np.zeros((3, 3))
     for p in grid.points:
         dm = p.weight * p.section.mass
         mass, first, second = mass + dm, first + dm * p.x, second + dm * p.x**2
         own += p.weight * p.section.mass_moments()
+    return mass, first, second, own
+
+
+def rigid_body(grid: Mesh) -> tuple[float, Array, Array]:
+    """Mass, centre of mass and inertia about it."""
+    mass, first, second, own = rigid_moments(grid)
     centre = first / mass
     own[0, 0] += second - mass * centre**2
     return mass, np.array([centre, 0.0, 0.0]), np.trace(own) * np.eye(3) - own
@@ -48,15 +54,15 @@ def _skews(a: Array) -> Array:
     return out
 
 
-def inertial_stiffness(grid: Mesh, T: Array, clamped: bool) -> Array:
+def inertial_stiffness(grid: Mesh, T: Array, clamped: bool, whole: Mesh | None = None) -> Array:
     """KG (12, m, m): the axial force of the fields b_x = 1 (a0_x) and b_x = x (W_xx) along the beam, and sections that turn in W.
 
     Particles s of a section that turns by r move by r (r . s)/2 - r^2 s/2 in second order.
-    Clamped: N(x) = -int_x^L rho b_x. Free: for W_xx alone, counted from the centre of mass, where it balances.
+    Clamped: N(x) = -int_x^L rho b_x. Free: for W_xx alone, counted from the centre of mass of the ``whole``, where it balances.
     """
     KG = np.zeros((12, T.shape[1], T.shape[1]))
     x = np.array([p.x for p in grid.points])
-    moments = {0: [0.0, 1.0], 3: [1.0, 0.0]} if clamped else {3: [1.0, -rigid_body(grid)[1][0]]}
+    moments = {0: [0.0, 1.0], 3: [1.0, 0.0]} if clamped else {3: [1.0, -rigid_body(whole or grid)[1][0]]}
     for i, field in moments.items():
         outer = _outboard(grid, field)
         K = grid.tensioned(np.array([-outer(at) for at in x]))

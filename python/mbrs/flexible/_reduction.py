@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -16,13 +17,21 @@ _RIGID = 1e-11
 
 
 def reduced_shapes(
-    M: Any, K: Any, interface: Array, fixed: Array, n_modes: int, rigid: int, whose: str
+    M: Any,
+    K: Any,
+    interface: Array,
+    fixed: Array,
+    n_modes: int,
+    rigid: int,
+    whose: str,
+    stiffness_of: Callable[[Array], Array] | None = None,
 ) -> tuple[Array, Array]:
     """Shapes T (n, m) with T^T M T = 1 and T^T K T = diag(square), and square (m,), ascending.
 
     R. R. Craig and M. C. C. Bampton, AIAA Journal 6(7) (1968) 1313-1319: with the coordinates in ``fixed`` held, the
     interface coordinates b and the others i, x_i = -K_ii^-1 K_ib x_b + Phi_i z, K_ii Phi_i = M_ii Phi_i diag(w^2). The
-    reduced problem is then brought to its own modes, of which the ``rigid`` lowest are left out.
+    reduced problem is then brought to its own modes, of which the ``rigid`` lowest are left out. ``stiffness_of``: T^T K T
+    where it is known better than by K.
     """
     import scipy.sparse as sp
 
@@ -44,7 +53,8 @@ def reduced_shapes(
         T[free, : len(interface)] = -_solved(K_ii, K_ib.toarray(), whose)
     if n_modes:
         T[free, len(interface) :] = _lowest(M_ii, K_ii, n_modes, len(fixed) + len(interface) > 0, whose)
-    return _orthonormal(M, K, T, rigid, whose)
+    stiffness = T.T @ (K @ T) if stiffness_of is None else stiffness_of(T)
+    return _orthonormal(M, stiffness, T, rigid, whose)
 
 
 def _solved(K: Any, b: Array, whose: str) -> Array:
@@ -107,8 +117,8 @@ def _modes(M: Array, K: Array, n: int, held: bool, whose: str) -> tuple[Array, A
     return scale[:, None] * phi / np.sqrt(mu), 1 / mu - shift
 
 
-def _orthonormal(M: Any, K: Any, T: Array, rigid: int, whose: str) -> tuple[Array, Array]:
-    Y, square = _modes(T.T @ (M @ T), T.T @ (K @ T), T.shape[1], rigid == 0, whose)
+def _orthonormal(M: Any, stiffness: Array, T: Array, rigid: int, whose: str) -> tuple[Array, Array]:
+    Y, square = _modes(T.T @ (M @ T), stiffness, T.shape[1], rigid == 0, whose)
     zero = int(np.sum(square[: rigid + 1] < _RIGID * square[-1])) if rigid else 0
     if zero != rigid:
         raise ModelError(

@@ -12,6 +12,7 @@ from .._lib.checks import choice, count, flag, names, shown, sized_array
 from ..errors import ModelError
 from ._elements import Mesh, Section, mesh
 from ._integrals import inertial_stiffness, rigid_body, shape_integrals
+from ._parameters import Channel, channels, driven, plain
 from ._reduction import reduced_shapes
 from .modal_body import ModalBody
 
@@ -87,6 +88,9 @@ def beam(
         Geometric stiffness of the axial force that inertial fields cause (centrifugal stiffening): `ModalBody.KG`.
     damping
         Ratio of critical damping of all modes, or (m,) of each; none by default.
+
+        Every property but ``length``, ``twist`` and ``shear_factor`` may be a parameter of a model, or hold some:
+        E=m.parameter("E", 2.1e11). The body then follows them, on the shapes of the present values.
     nodes
         Names and places x (m) of points to attach to, beside "root" and "tip".
     attach
@@ -119,13 +123,19 @@ def beam(
     >>> np.round(rod.frequencies() * 2 * np.pi, 5)    # 1.875104^2 times 1 and 2
     array([3.51602, 7.03203])
     """
+    for name, fixed_number in (("length", length), ("twist", twist), ("shear_factor", shear_factor)):
+        if np.any(plain(fixed_number) is not fixed_number):
+            raise ModelError(f"beam: {name} is a number; a parameter there changes the mesh: build the beam again")
     x = _stations(length)
     theory = choice("theory", theory, THEORIES)
     shear = theory == "timoshenko"
     material = dict(E=E, G=G, rho=rho, area=area, I_flap=I_flap, I_edge=I_edge, J=J, shear_factor=shear_factor)
     direct = dict(mass=mass, EI_flap=EI_flap, EI_edge=EI_edge, GJ=GJ, EA=EA, GA_flap=GA_flap, GA_edge=GA_edge)
     own = dict(inertia_flap=inertia_flap, inertia_edge=inertia_edge)
-    properties = _properties(x, material, {**direct, **own}, shear)
+    given = {**material, **direct, **own}
+    numbers = {name: plain(value) for name, value in given.items()}
+    properties = _properties(x, numbers, numbers, shear)
+    found = {name: some for name in _PRODUCTS if (some := _expressions(name, given, len(x), shear))}
     properties["twist"] = _at_stations("twist", twist, x)
     places = _places(nodes, x)
     grid = _mesh(x, properties, places, count("elements", elements, 2000), shear)
@@ -139,7 +149,17 @@ def beam(
         flag("stiffening", stiffening),
         damping,
         theory,
+        x,
+        found,
     )
+
+
+def _expressions(name: str, given: dict[str, Any], n: int, shear: bool) -> list[Channel]:
+    """The expressions of parameters in a property."""
+    if not shear and name.startswith("GA"):
+        return []
+    parts = [given[name]] if given[name] is not None else [given[part] for part in _PRODUCTS[name]]
+    return [] if any(part is None for part in parts) else channels(parts, n)
 
 
 def _stations(length: Any) -> Array:
@@ -265,6 +285,8 @@ def _reduced(
     stiffening: bool,
     damping: Any,
     theory: str,
+    x: Array,
+    found: dict[str, list[Channel]],
 ) -> ModalBody:
     absent = [i for i, name in ((0, "EA"), (3, "GJ")) if not np.any(properties[name])]
     at = {name: int(np.argmin(np.abs(grid.x - place))) for name, place in places.items()}
@@ -277,7 +299,7 @@ def _reduced(
     # A free beam without interface has its rigid motions among its modes; with one the constraint modes hold them.
     inside = modes + (rigid if not fixed and len(interface) == 0 else 0)
     M, K = grid.assembled()
-    T, square = reduced_shapes(M, K, interface, held, inside, rigid, "beam")
+    T, square = reduced_shapes(M, K, interface, held, inside, rigid, "beam", grid.stiffness_of)
     mass, com, inertia = rigid_body(grid)
     line = np.stack([T[6 * i : 6 * i + 6] for i in range(len(grid.x))])
     at_nodes = list(at.values())
@@ -286,14 +308,19 @@ def _reduced(
     m = T.shape[1]
     note = f"{theory} beam, {grid.x[-1]:g} m, {len(grid.x) - 1} elements, "
     note += f"{'clamped at the root' if fixed else 'free, mean axes'}"
+    integrals = dict(
+        **shape_integrals(grid, T),
+        K=np.diag(square),
+        KG=inertial_stiffness(grid, T, bool(fixed)) if stiffening else np.zeros((12, m, m)),
+    )
+    depends = bool(found) or plain(damping) is not damping
     return ModalBody(
         mass=mass,
         com=com,
         inertia=inertia,
-        **shape_integrals(grid, T),
-        K=np.diag(square),
-        C=modal_damping(damping, np.sqrt(square), "beam"),
-        KG=inertial_stiffness(grid, T, bool(fixed)) if stiffening else np.zeros((12, m, m)),
+        **integrals,
+        C=modal_damping(plain(damping), np.sqrt(square), "beam"),
+        driven=driven(grid, T, integrals, found, x, bool(fixed), damping) if depends else {},
         nodes=tuple(at),
         node_position=where[at_nodes],
         node_shape=line[at_nodes],

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -57,6 +57,9 @@ class ModalBody:
         nodes where they are left out.
     note
         How the body was made; printed.
+    driven
+        By name arrays of numbers and expressions of parameters that stand for mass, com, inertia, S, P1, P2, K, C and KG in a model;
+        `mbrs.flexible.beam` makes them. Empty: the numbers alone.
 
     Raises
     ------
@@ -99,6 +102,7 @@ class ModalBody:
     line_position: np.ndarray = None  # type: ignore[assignment]
     line_shape: np.ndarray = None  # type: ignore[assignment]
     note: str = ""
+    driven: Any = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         m = self._modes()
@@ -223,9 +227,13 @@ class ModalBody:
 
     def save(self, path: str | Path) -> Path:
         """Save as NumPy archive (``.npz``, added where it is missing); `load` brings it back. Returns the path."""
+        if self.driven:
+            raise ModelError(
+                "this body depends on parameters of a model: save the model, or a body that was built of numbers"
+            )
         path = Path(path)
         path = path if path.suffix == ".npz" else path.with_name(path.name + ".npz")
-        kept = {f.name: getattr(self, f.name) for f in fields(self)}
+        kept = {name: getattr(self, name) for name in _saved()}
         kept["nodes"] = np.array(self.nodes, dtype=np.str_)
         data = io.BytesIO()
         np.savez(data, allow_pickle=False, **kept)
@@ -242,7 +250,7 @@ class ModalBody:
         OSError
             There is no such file, or it cannot be read.
         """
-        known = [f.name for f in fields(cls)]
+        known = _saved()
         held = read_arrays(path, known, "a modal body")
         if missing := [name for name in known if name not in held]:
             raise ModelError(f"{path} is not a file of a modal body: it lacks {', '.join(missing)}")
@@ -275,6 +283,10 @@ class ModalBody:
         )
         listed = table(["shape", "f [Hz]", "K_ii", "M_ii", "moves most along"], rows)
         return "\n".join(part for part in (head, self.note, listed) if part)
+
+
+def _saved() -> list[str]:
+    return [f.name for f in fields(ModalBody) if f.name != "driven"]
 
 
 def _shapes(m: int) -> dict[str, tuple[int, ...]]:

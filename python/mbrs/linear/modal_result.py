@@ -253,11 +253,13 @@ class ModalResult(Result):
             notes.append("* near-defective: two roots almost meet (critical damping).")
         return notes
 
-    def plot(self, *, ax: Axes | None = None, **options: Any) -> Figure:
-        """Poles, and without ``ax`` how much each coordinate moves (`mbrs.plot.modes`); returns the figure."""
+    def plot(self, view: str = "poles", *, ax: Axes | None = None, **options: Any) -> Figure:
+        """Poles, and without ``ax`` how much each coordinate moves; or, as ``plot("list", against=other)``, frequencies and damping
+        ratios over the number of the mode, of two results beside each other (`mbrs.plot.modes`). Returns the figure.
+        """
         from ..plot import modes as draw
 
-        return draw(self, ax=ax, **options)
+        return draw(self, view, ax=ax, **options)
 
     def animate(self, path: str | Path | None = None, **options: Any) -> Any:
         """Shapes in motion as one self-contained page (`mbrs.view.modes`); returns the path, or a viewer."""

@@ -6,6 +6,7 @@ import math
 import re
 import time
 from collections.abc import Iterable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,7 @@ import numpy as np
 from .. import _core
 from .._lib.border import core_errors
 from .._lib.progress import while_long
-from ..errors import ModelError, SingularError
+from ..errors import ConvergenceError, ModelError, SingularError
 from ..model.book import Book
 from ..model.schema import LAW_OF_CODE
 from .linearization import Linearization
@@ -24,6 +25,9 @@ from .relaxation import relaxation_of, relaxing_modes
 from .sparse_modes import is_large, model_modes, sparse_modes
 from .stiffness_factor import stiffness_factor
 
+# Largest damped system whose crowded roots, which no real shift parts, are taken from the dense route. Larger: minutes of work after a
+# failure. Smaller: failures that need not be.
+_DENSE_INSTEAD = 1500
 _MATRIX_EFFECTS = {"damping": "C", "gyroscopic": "G", "circulatory": "N"}
 
 
@@ -170,7 +174,15 @@ def _nearest(r: dict[str, Any], n: int, shift: float) -> dict[str, Any]:
 
 
 def _sparse(system: Any, n: int | None, effects: tuple[str, ...], shift: float | None, start: float) -> ModalResult:
-    return sparse_modes(system, n, effects, shift, start)
+    try:
+        return sparse_modes(system, n, effects, shift, start)
+    except ConvergenceError as problem:
+        size = system.M.shape[0]
+        if size > _DENSE_INSTEAD or (system.C is None and system.G is None and system.N is None):
+            raise ConvergenceError(f"modes of {size} coordinates: {problem}", problem.result) from None
+    found = _dense(system, n, effects, None, shift, start)
+    route = f"{found.stats.route} (dense: the sparse route did not converge)"
+    return found.replaced(stats=replace(found.stats, route=route))
 
 
 def _dense(

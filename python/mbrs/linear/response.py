@@ -197,8 +197,9 @@ def response(
         raise ModelError(f"kind={kind!r} is not known; it is one of {', '.join(_KINDS)}")
     if isinstance(m, MechanicalSystem) and len(m.elements) > 0:
         raise ModelError(
-            "response() is linear and this system has nonlinear elements; leave them out, MechanicalSystem(M, C, K), or use "
-            "mb.harmonic_balance for periodic motions and mb.simulate of a Model for others"
+            f"response() is linear and this system has nonlinear elements, {m.elements[0]!r} the first; integrate them by "
+            "mb.simulate(system, t, loads=..., x0=..., v0=...), find periodic motions by mb.harmonic_balance, or leave them out: "
+            "MechanicalSystem(M, C, K)"
         )
     times = _times(t)
     ports, functions = _load_pairs(loads)

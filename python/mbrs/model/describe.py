@@ -134,9 +134,11 @@ def _modal_body(body: FlexibleBody) -> Table:
     for field in SHAPES.block:
         if field.listed == "always":
             table[field.name] = np.array(body.integrals.values(field.name)).reshape(m, m)
-    return {
+    expressions = {k: np.asarray(v, dtype=object).tolist() for k, v in table.pop("driven").items()}
+    plain = {
         k: v.tolist() if isinstance(v, np.ndarray) else list(v) if isinstance(v, tuple) else v for k, v in table.items()
     }
+    return {**plain, "driven": expressions} if expressions else plain
 
 
 def _points(item: Item) -> list[Any]:

@@ -236,21 +236,23 @@ def _chosen(name: str, modal: ModalBody, modes: Any) -> ModalBody:
     from dataclasses import replace
 
     pick = np.ix_(places, places)
+    cut: dict[str, Any] = {
+        "S": lambda a: a[:, places],
+        "P1": lambda a: a[places],
+        **dict.fromkeys(("P2", "K", "C"), lambda a: a[pick]),
+        "KG": lambda a: a[:, places][:, :, places],
+    }
     return replace(
         modal,
-        S=modal.S[:, places],
-        P1=modal.P1[places],
-        P2=modal.P2[pick],
-        K=modal.K[pick],
-        C=modal.C[pick],
-        KG=modal.KG[:, places][:, :, places],
+        **{part: some(getattr(modal, part)) for part, some in cut.items()},
+        driven={part: cut[part](a) if part in cut else a for part, a in modal.driven.items()},
         node_shape=modal.node_shape[..., places],
         line_shape=modal.line_shape[..., places],
     )
 
 
 def _numbers_of(modal: ModalBody) -> list[Number]:
-    parts = [modal.S, modal.P1, modal.P2, modal.K, modal.C, modal.KG]
+    parts = [modal.driven.get(name, getattr(modal, name)) for name in ("S", "P1", "P2", "K", "C", "KG")]
     nodes = [np.r_[p, s.ravel()] for p, s in zip(modal.node_position, modal.node_shape, strict=True)]
     return np.concatenate([part.ravel() for part in (*parts, *nodes)]).tolist()  # type: ignore[no-any-return]
 
@@ -333,9 +335,7 @@ def flexible_body(
     body.modal = _chosen(name, modal_body, modes)
     body.used = {_known_node(body, node) for node in ([nodes] if isinstance(nodes, str) else nodes)}
     given = {
-        "mass": body.modal.mass,
-        "inertia": body.modal.inertia,
-        "com": body.modal.com,
+        **{part: body.modal.driven.get(part, getattr(body.modal, part)) for part in ("mass", "inertia", "com")},
         "at": at,
         "orientation": orientation,
         "velocity": velocity,

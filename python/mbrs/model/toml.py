@@ -12,6 +12,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from .._lib.files import write_atomic
 from ..errors import DuplicateNameError, InertiaError, MbrsError, ModelError, NameNotFoundError
 from .air_schema import HEADINGS
@@ -340,7 +342,8 @@ def _modal_body(model: Any, value: Any) -> Any:
     if not isinstance(value, dict):
         raise problem("modal_body", f"must be a table of the arguments of mb.flexible.ModalBody, got {shown(value)}")
     try:
-        return ModalBody(**value)
+        driven = {k: np.array(_numbers(model, v), dtype=object) for k, v in value.get("driven", {}).items()}
+        return ModalBody(**{**value, "driven": driven})
     except TypeError:
         raise problem("modal_body", f"cannot be made of the entries {shown(list(value))}") from None
 

@@ -19,7 +19,8 @@ _FREE = {code: len(k.free) for code, k in _KINDS.items()}
 # Name in an address: what it asks of a body, and of a marker.
 _BODY = {"position": 0, "velocity": 1, "acceleration": 2}
 _TURNING = {"angular_velocity": 1, "angular_acceleration": 2}
-ADDRESSES = (*_BODY, "rotation", *_TURNING, "coordinate", "reaction")
+_MODAL = {"modal": 0, "modal_rate": 1, "modal_acceleration": 2}
+ADDRESSES = (*_BODY, "rotation", *_TURNING, "coordinate", "reaction", *_MODAL)
 
 
 def _name(handle: Any) -> str:
@@ -37,6 +38,9 @@ class Names:
         self.bodies: list[str] = list(tables["body_name"])
         self.joints: list[str] = list(tables["joint_name"])
         self.markers: list[str] = list(tables["marker_name"])
+        # of each flexible body: how many modal coordinates
+        counts = zip(tables.get("flexible_body", ()), tables.get("flexible_modes", ()), strict=True)
+        self.flexible = {int(body): int(m) for body, m in counts}
 
     def body(self, handle: Any) -> int:
         """Index of a body."""
@@ -64,8 +68,15 @@ class Names:
         """Number of free coordinates of a joint."""
         return _FREE[int(self.tables["joint_type"][joint])]
 
+    def modal(self, body: Any, order: int) -> Asked:
+        """The modal coordinates of a flexible body."""
+        i = self.body(body)
+        if i not in self.flexible:
+            raise ModelError(f"{self.bodies[i]!r} has no modal coordinates: it is rigid")
+        return ("modal", i, order, None, None)
+
     def address(self, what: str) -> Asked:
-        """ "crank.position", "P2" (a marker), "P2.velocity", "A" (the coordinates of a joint), "A.reaction"."""
+        """ "crank.position", "P2" (a marker), "P2.velocity", "A" (the coordinates of a joint), "A.reaction", "blade.modal"."""
         if not isinstance(what, str):
             raise ModelError(f"a quantity is named like 'crank.position', 'P2' or 'A.reaction', got {shown(what)}")
         name, dot, kind = what.rpartition(".")
@@ -81,6 +92,8 @@ class Names:
             return ("turning", self.body(name), _TURNING[kind], None, None)
         if kind == "rotation":
             return ("rotation", self.body(name), 0, None, None)
+        if kind in _MODAL:
+            return self.modal(name, _MODAL[kind])
         if kind == "coordinate":
             return ("joint", index("no joint or marker", name, [*self.joints, *self.markers]), 0, None, None)
         if kind == "reaction":
@@ -101,7 +114,7 @@ class Names:
         if kind == "joint":
             kinds = set(_KINDS[int(self.tables["joint_type"][index])].free)
             return {"t": "m", "r": "rad"}[kinds.pop()] if len(kinds) == 1 else ""
-        if kind == "reaction":
+        if kind in ("reaction", "modal"):
             return ""
         return ("m" if kind == "point" else "rad") + ("", "/s", "/s^2")[order]
 
@@ -109,10 +122,14 @@ class Names:
         """Names of its numbers: x y z and rx ry rz, those of a joint by its free coordinates."""
         if asked[0] == "joint":
             return list(_KINDS[int(self.tables["joint_type"][asked[1]])].coordinates)
+        if asked[0] == "modal":
+            return [f"q{k + 1}" for k in range(self.width(asked))]
         return ["x", "y", "z", "rx", "ry", "rz"][: 3 if asked[0] in ("point", "turning", "rotation") else 6]
 
     def width(self, asked: Asked) -> int:
         """Number of numbers that the core returns for it."""
+        if asked[0] == "modal":
+            return self.flexible[asked[1]]
         return {"point": 3, "turning": 3, "rotation": 9, "reaction": 6}.get(asked[0], 0) or self.free(asked[1])
 
 
@@ -175,6 +192,18 @@ class Instant:
     def reaction(self, name: Any) -> np.ndarray:
         """(6,) wrench of a joint on its second body at the joint's point, world axes, N and N m."""
         return self._read(("reaction", self._names.joint(name), 0, None, None))
+
+    def modal(self, body: Any) -> np.ndarray:
+        """(m,) modal coordinates of a flexible body."""
+        return self._read(self._names.modal(body, 0))
+
+    def modal_rate(self, body: Any) -> np.ndarray:
+        """(m,) their rates."""
+        return self._read(self._names.modal(body, 1))
+
+    def modal_acceleration(self, body: Any) -> np.ndarray:
+        """(m,) their accelerations."""
+        return self._read(self._names.modal(body, 2))
 
     def value(self, address: str) -> Any:
         """A number of the model, for objectives that depend on the parameters themselves."""

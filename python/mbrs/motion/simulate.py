@@ -7,15 +7,17 @@ import math
 import time
 import warnings
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 
 from .. import _core
 from .._lib.border import core_errors
-from .._lib.checks import shown
+from .._lib.checks import count, shown
 from .._lib.progress import Progress
 from ..errors import ConvergenceError, Interrupted, MbrsWarning, ModelError
+from ..linear.matrices import MechanicalSystem
+from ..linear.response import ResponseResult
 from ..model.tables import directions
 from ..results import Stats
 from ..system.air_flow import flows, require_covered
@@ -24,6 +26,7 @@ from ..system.snapshot import Snapshot
 from ..system.state import State, state_of
 from .air_march import march, stepped
 from .amplification import warn_amplified
+from .matrix_motion import simulate_matrices
 from .trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -43,10 +46,13 @@ _TIGHTENED, _TIGHTER = frozenset({"explicit", "radau", "bdf", "bdf-bfgs"}), 30.0
 _NOISE_WITHOUT_TANGENT = 1e-9
 # deflections beyond this part of a body's length are too large for linear elasticity in a frame
 _BENT = 0.2
+# updates of multipliers in one linear system
+_MOST_PASSES = 1000
 # outputs at which the error is estimated
 _COMPARED = 50
 
 
+@overload
 def simulate(
     m: Model,
     t: Any,
@@ -64,15 +70,63 @@ def simulate(
     first_step: float | None = None,
     max_steps: int | None = None,
     parameters: str | Sequence[str] | None = None,
-) -> Trajectory:
-    """Integrate the constrained equations of motion from an initial state.
+    penalty: float | None = None,
+    passes: int | None = None,
+) -> Trajectory: ...
+
+
+@overload
+def simulate(
+    m: MechanicalSystem,
+    t: Any,
+    *,
+    rtol: float | None = None,
+    step: float | None = None,
+    method: str = "auto",
+    rho: float | None = None,
+    form: str | None = None,
+    update: str | None = None,
+    max_step: float | None = None,
+    first_step: float | None = None,
+    max_steps: int | None = None,
+    loads: Any = None,
+    x0: Any = None,
+    v0: Any = None,
+) -> ResponseResult: ...
+
+
+def simulate(
+    m: Any,
+    t: Any,
+    *,
+    rtol: float | None = None,
+    step: float | None = None,
+    method: str = "auto",
+    at: StateLike = None,
+    without: Sequence[str] = (),
+    rho: float | None = None,
+    form: str | None = None,
+    update: str | None = None,
+    coordinates: str | None = None,
+    max_step: float | None = None,
+    first_step: float | None = None,
+    max_steps: int | None = None,
+    parameters: str | Sequence[str] | None = None,
+    penalty: float | None = None,
+    passes: int | None = None,
+    loads: Any = None,
+    x0: Any = None,
+    v0: Any = None,
+) -> Any:
+    """Integrate the constrained equations of motion from an initial state, or the nonlinear equations of a matrix system.
 
         M(q) v' + h(q, v, t) + J^T lam = 0,   Phi(q, t) = 0,   J v + Phi_t = 0
+        M x" + (C + G) x' + (K + N) x + sum_e w_e law_e(w_e . x, w_e . x') = sum_j F_j u_j(t)
 
     Parameters
     ----------
     m
-        The model, with its present values.
+        The model, with its present values; or a `MechanicalSystem` with its elements.
     t
         s. A number: the end; outputs are the accepted steps and the last is exactly t. An array: the output times, increasing,
         in any relation to the steps (dense output).
@@ -111,13 +165,25 @@ def simulate(
         s; limits of the controlled steps.
     max_steps
         Stop after so many.
+    penalty, passes
+        "ali3p": penalty factor in effective masses of the rows, and how often the multipliers are updated (by default once) in every
+        linear system of a step and in each projection. None: the limit of many passes, solved at once, which no penalty has a part
+        in. ``stats.measures`` has the largest residuals of velocities and accelerations before and after their projections (in
+        characteristic lengths or radians per s and s^2), ``stats.counts`` the passes.
     parameters
         Addresses of numbers by which ``traj.sensitivity(...)`` is to differentiate (method "ali3p", which is then the one
         that "auto" takes, or "generalized-alpha"); ``t`` is a number then.
+    loads, x0, v0
+        Of a `MechanicalSystem` only. ``{coordinate: load}`` or a list of pairs (direction (n,), load); a load is a number, a motion
+        (`mb.Sine`, `mb.Table`, ...) or a function of time. Start values (n,) of the coordinates and their rates at t = 0, zero by
+        default; laws with states are at rest there. ``rtol`` is relative to the largest sqrt(M_ii) x_i of the motion then, and
+        ``at``, ``without``, ``coordinates`` and ``parameters`` belong to models.
 
     Returns
     -------
     Trajectory
+        Of a `MechanicalSystem` a `ResponseResult`: displacement, velocity and acceleration of all coordinates over time, ``.error`` from a
+        second run as for models, relative to the largest value of each coordinate.
 
     Raises
     ------
@@ -148,7 +214,31 @@ def simulate(
     >>> traj = mb.simulate(mb.examples.four_bar(), t=0.5, rtol=1e-8)
     >>> bool(abs(traj.energy[-1] - traj.energy[0]) < 1e-5)
     True
+    >>> duffing = mb.MechanicalSystem([[1.0]], [[0.05]], [[1.0]], elements=[mb.Cubic(0.1, w=[1.0])])
+    >>> y = mb.simulate(duffing, t=10.0, loads={0: mb.Sine(0.18, 1.2)}, x0=[0.5])
+    >>> bool(y.error[0] < 1e-5)
+    True
     """
+    if isinstance(m, MechanicalSystem):
+        own: dict[str, Any] = dict(
+            at=at, coordinates=coordinates, parameters=parameters, penalty=penalty, passes=passes
+        )
+        for name, value in own.items():
+            if value is not None:
+                raise ModelError(f"{name}= belongs to motions of a Model; a MechanicalSystem starts from x0= and v0=")
+        if tuple(without):
+            raise ModelError("without= belongs to motions of a Model; a MechanicalSystem is what its matrices are")
+        given: dict[str, Any] = dict(
+            rtol=rtol, step=step, method=method, rho=rho, form=form, update=update, max_step=max_step
+        )
+        given |= dict(first_step=first_step, max_steps=max_steps)
+        chosen = {name: value for name, value in given.items() if value is not None}
+        return simulate_matrices(m, t, loads, x0, v0, chosen, simulate, _compared_with)
+    for other, start_or_load in (("loads", loads), ("x0", x0), ("v0", v0)):
+        if start_or_load is not None:
+            raise ModelError(
+                f"{other}= belongs to motions of a MechanicalSystem; a model has m.force(..., value=f), and at= for its start"
+            )
     start = time.perf_counter()
     without = check_without(without)
     for name in without:
@@ -180,6 +270,7 @@ def simulate(
         raise ModelError(f"max_steps= must be a whole number, got {shown(max_steps)}")
     if rho is not None and not 0.0 <= rho <= 1.0:
         raise ModelError(f"rho= lies between 0 and 1, got {rho}")
+    options |= _penalised(method, penalty, passes, parameters)
     options["method"] = _variant(method, form, update, None if absolute else coordinates)
 
     air = stepped(m, without, absolute)
@@ -252,6 +343,23 @@ def _variant(method: str, form: Any, update: Any, coordinates: Any) -> str:
     if update not in ("auto", "bfgs", "broyden"):
         raise ModelError(f"update= is 'auto', 'bfgs' or 'broyden', got {shown(update)}")
     return f"{method}/{form}/{update}"
+
+
+def _penalised(method: str, penalty: Any, passes: Any, parameters: Any) -> dict[str, float]:
+    if penalty is None and passes is None:
+        return {}
+    if method != "ali3p":
+        raise ModelError(f'penalty= and passes= belong to method="ali3p", not to {shown(method)}')
+    if parameters is not None:
+        raise ModelError(
+            "sensitivities belong to the limit of many passes; leave out penalty= and passes=, or parameters="
+        )
+    if penalty is None:
+        raise ModelError("passes= belongs to a penalty factor: give penalty=, such as 1e6")
+    return {
+        "penalty": _number("penalty", penalty),
+        "passes": float(count("passes", 1 if passes is None else passes, _MOST_PASSES)),
+    }
 
 
 def _with_sensitivities(method: str) -> str:
@@ -344,7 +452,13 @@ def _trajectory(
         wake=wake,
         without=without,
         error=functools.partial(_estimated_error, state=state, options=options),
-        stats=Stats(wall, dict(made["counts"]), acting, f"{made['method']}: {made['why']}{_solved_by(made, options)}"),
+        stats=Stats(
+            wall,
+            dict(made["counts"]),
+            acting,
+            f"{made['method']}: {made['why']}{_solved_by(made, options)}",
+            made["measures"],
+        ),
         status=made["status"],
     )
 

@@ -18,7 +18,7 @@ from .._lib.progress import Progress
 from ..errors import ConvergenceError, Interrupted, MbrsError, ModelError, SingularError
 from ..results import Stats
 from . import balance
-from .branch_options import BranchOptions, first_set, one_of_each, range_and_level, range_of_values
+from .branch_options import PREDICTORS, BranchOptions, first_set, one_of_each, range_and_level, range_of_values
 from .branch_points import STATUS, BranchPoint, Chunks, Event, resolved
 from .periodic import MOST_HARMONICS, UNRESOLVED, effects_of, first_solution
 from .response_curve import FrequencyResponse, Part, known_stability
@@ -100,7 +100,7 @@ class Branch(Iterator[BranchPoint]):
         self.setup = self._problem(first_set(force if inputs is None else inputs) if self._auto else harmonics)
         limits = balance.steps(step, min_step, max_step)
         self._options: dict[str, Any] = dict(
-            predictor=checks.choice("predictor", predictor, ("tangent", "secant", "lagrange")),
+            predictor=checks.choice("predictor", predictor, PREDICTORS),
             corrector=checks.choice("corrector", corrector, ("pseudo-arclength", "arclength", "moore-penrose")),
             first_step=limits[0],
             least_step=limits[1],

@@ -10,6 +10,9 @@ from .._lib import checks
 from ..errors import ModelError
 from . import balance
 
+# "lagrange" is of order 3
+PREDICTORS = ("tangent", "secant", "lagrange", *(f"lagrange{order}" for order in range(1, 6)))
+
 
 class BranchOptions(TypedDict, total=False):
     """Options of every function that follows a branch; `frequency_response` explains them, `Branch` has the defaults."""

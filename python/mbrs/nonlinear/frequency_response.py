@@ -39,7 +39,8 @@ def frequency_response(
     tol
         Largest ``.error`` that is called resolved; 0.1, and 1e-6 for ``harmonics="auto"``.
     predictor
-        "tangent", "secant", "lagrange" (cubic through the last points).
+        "tangent", "secant", or "lagrange1" to "lagrange5": the polynomial of that order through the last points over the length of
+        the branch between them, of lower order while there are fewer; "lagrange" is "lagrange3", "lagrange1" the secant.
     corrector
         "pseudo-arclength", "arclength", "moore-penrose".
     step, min_step, max_step

@@ -15,6 +15,7 @@ from .._lib import checks
 from ..errors import Interrupted, ModelError
 from ..results import Result, Stats, derived, quantity, result
 from . import balance
+from .branch_options import PREDICTORS
 from .branch_points import MEANING, STATUS
 from .displacement import label
 from .periodic import UNRESOLVED, effects_of
@@ -207,7 +208,7 @@ def quasi_periodic_response(
     limits = balance.steps(step, min_step, max_step)
     way = _way(system, forces, scale, level, value)
     options: dict[str, Any] = dict(
-        predictor=checks.choice("predictor", predictor, ("tangent", "secant", "lagrange")),
+        predictor=checks.choice("predictor", predictor, PREDICTORS),
         corrector=checks.choice("corrector", corrector, ("pseudo-arclength", "arclength", "moore-penrose")),
         first_step=limits[0],
         least_step=limits[1],

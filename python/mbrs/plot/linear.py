@@ -21,16 +21,29 @@ _MOST_NAMED = 10
 _MOST_TICKS = 40
 
 
-def modes(result: Any, *, n: int = 40, ax: Axes | None = None, label: str | None = None) -> Figure:
-    """Poles in the complex plane, and how much each coordinate moves in each mode.
+def modes(
+    result: Any,
+    view: str = "poles",
+    *,
+    n: int | None = None,
+    against: Any = None,
+    ax: Axes | None = None,
+    label: str | None = None,
+) -> Figure:
+    """Poles in the complex plane and how much each coordinate moves in each mode, or lists of frequencies and damping ratios.
 
     Parameters
     ----------
     result
         A `ModalResult`: ``eigenvalue`` (n,) rad/s, ``shape`` (dof, n), ``frequency`` (n,) Hz, ``coordinates`` (dof
         names).
+    view
+        "poles", or "list": natural frequency (Hz) and damping ratio over the number of the mode, ascending.
     n
-        How many modes at most, from the first.
+        How many modes at most, from the first; 40 of the poles, all of a list by default.
+    against
+        Of a list: another result, or its frequencies and damping ratios ((m,), (m,)), drawn beside; the titles tell the mean and the
+        largest difference of modes of the same number.
     ax, label
         Axes for the eigenvalues alone, and what to call this result there instead of telling its kinds of modes apart.
 
@@ -38,7 +51,14 @@ def modes(result: Any, *, n: int = 40, ax: Axes | None = None, label: str | None
     -------
     matplotlib.figure.Figure
     """
-    s = np.asarray(result.eigenvalue)[:n]
+    if view not in ("poles", "list"):
+        raise ModelError(f'modes are plotted as "poles" or as a "list", got {view!r}')
+    if view == "list":
+        return _mode_list(result, against, n, label)
+    if against is not None:
+        raise ModelError('against= belongs to plot("list"); draw poles of two results into one ax=')
+    s = np.asarray(result.eigenvalue)[: 40 if n is None else n]
+    n = s.size
     if s.size == 0:
         raise ModelError("there is no mode to plot")
     with style():
@@ -60,6 +80,42 @@ def modes(result: Any, *, n: int = 40, ax: Axes | None = None, label: str | None
         if ax is None:
             _participation(made, right, result, s.size)
     return made
+
+
+def _mode_list(result: Any, against: Any, n: int | None, label: str | None) -> Figure:
+    """Frequencies above, damping ratios below, over the number of the mode."""
+    lists = [_ascending(result, n)] + ([] if against is None else [_ascending(against, n)])
+    if lists[0][0].size == 0:
+        raise ModelError("there is no mode to plot")
+    with style():
+        made, axes = figure(2, 1, size=(7.5, 6.0), sharex=True)
+        names = ["this result" if label is None else label, "the other"]
+        for quantity, (ax, what, unit) in enumerate(
+            zip(axes, ("natural frequency [Hz]", "damping ratio"), (" Hz", ""), strict=True)
+        ):
+            for k, (values, name) in enumerate(zip(lists, names, strict=False)):
+                number = np.arange(1, values[quantity].size + 1)
+                marks: dict[str, Any] = dict(marker="o", ms=7, mfc="none") if k else dict(marker=".", ms=6)
+                ax.plot(number, values[quantity], ls="none", color=PALETTE[k], label=name, **marks)
+            ax.set_ylabel(what)
+            if len(lists) == 2:
+                m = min(len(lists[0][0]), len(lists[1][0]))
+                off = np.abs(lists[0][quantity][:m] - lists[1][quantity][:m])
+                ax.set_title(f"difference: mean {np.nanmean(off):.1e}{unit}, largest {np.nanmax(off):.1e}{unit}")
+                legend(ax)
+        axes[1].set_xlabel("mode")
+        axes[1].xaxis.get_major_locator().set_params(integer=True)
+    return made
+
+
+def _ascending(result: Any, n: int | None) -> tuple[np.ndarray, np.ndarray]:
+    """Frequencies and damping ratios by ascending frequency."""
+    pair = result if isinstance(result, tuple) else (result.frequency, result.damping)
+    f, zeta = (np.asarray(values, dtype=float) for values in pair)
+    if f.ndim != 1 or f.shape != zeta.shape:
+        raise ModelError("against= is a result of mb.modes, or frequencies and damping ratios of the same length")
+    order = np.argsort(f, kind="stable")[:n]
+    return f[order], zeta[order]
 
 
 def _participation(made: Any, axes: Any, result: Any, n: int) -> None:

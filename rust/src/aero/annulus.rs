@@ -10,7 +10,7 @@ use std::f64::consts::{FRAC_2_PI, FRAC_PI_2, PI};
 use num_dual::Dual64;
 
 use super::polar::Airfoil;
-use crate::spatial::Real;
+use crate::spatial::{Real, arctan2};
 use crate::tolerances::aero::{HIGH_LOAD, MOST_ANNULUS_STEPS, SMALLEST_INFLOW};
 
 /// An annulus without its wind: exponents of Prandtl's losses at tip and hub, zero where there is none.
@@ -50,7 +50,7 @@ impl<'p, T: Real> Annulus<'p, T> {
         let (x, y) = (axial * sx, tangential * sy);
         let real = self.map(|v| v.re());
         let (root, side) = real.solve((sx, sy), y.re().atan2(x.re()));
-        let wind = x.atan2(y);
+        let wind = arctan2(x, y);
         let mut phi = T::from(root);
         if T::NDERIV > 0 {
             let slope = self.map(|v| Dual64::from_re(v.re())).far(Dual64::new(root, 1.0), side).direction.eps;
@@ -81,7 +81,7 @@ impl<'p, T: Real> Annulus<'p, T> {
 
     fn far(&self, phi: T, side: Side) -> Far<T> {
         let (s, c) = phi.sin_cos();
-        let alpha = (s * side.x).atan2(c * side.y) - self.twist;
+        let alpha = arctan2(s * side.x, c * side.y) - self.twist;
         let [cl, cd, _] = self.airfoil.coefficients(alpha);
         let (lift, drag) = (self.solidity * cl * (side.x * side.y), self.solidity * cd);
         let size = if s.re() < 0.0 { -s } else { s };

@@ -9,7 +9,7 @@
 //! at the aerodynamic centre, b the width of the strip. u is that at three quarters of the chord.
 use super::annulus::Annulus;
 use super::polar::Airfoil;
-use crate::spatial::{M3, Real, Six, V3, skew};
+use crate::spatial::{M3, Real, Six, V3, arctan2, skew};
 
 /// How the induced velocity comes about.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -106,7 +106,7 @@ impl<'p, T: Real> Section<'p, T> {
         let square = normal * normal + along * along;
         let still = square.re() == 0.0;
         let (angle, speed) =
-            if still { (-self.twist, T::zero()) } else { (normal.atan2(along) - self.twist, square.sqrt()) };
+            if still { (-self.twist, T::zero()) } else { (arctan2(normal, along) - self.twist, square.sqrt()) };
         let [cl, cd, cm] = self.airfoil.coefficients(angle);
         let size = self.density * self.chord * self.width * speed * 0.5;
         let force = (y * normal + z * along) * (size * cl) + (z * normal - y * along) * (size * cd);
@@ -138,7 +138,7 @@ impl<'p, T: Real> Section<'p, T> {
         }
         let normal = across / size.sqrt();
         let ahead = normal.cross(span);
-        let torsion = normal.dot(y).atan2(normal.dot(z));
+        let torsion = arctan2(normal.dot(y), normal.dot(z));
         let annulus =
             Annulus { airfoil: self.airfoil, twist: self.twist - torsion, solidity: self.solidity, loss: self.loss };
         let (axial, tangential) = (wind.dot(&normal), -wind.dot(&ahead));

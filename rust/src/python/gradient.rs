@@ -46,6 +46,7 @@ fn quantity(asked: &Asked) -> Result<Quantity> {
         "turning" => Quantity::Turning(some()?, *order),
         "joint" => Quantity::Joint(some()?),
         "reaction" => Quantity::Reaction(some()?),
+        "modal" => Quantity::Modal(some()?, *order),
         other => return Err(Error::model(format!("no quantity is called '{other}'"))),
     })
 }

@@ -178,10 +178,11 @@ pub fn options(predictor: &str, corrector: &str, steps: [f64; 3], tolerance: f64
     let predictor = match predictor {
         "tangent" => Predictor::Tangent,
         "secant" => Predictor::Secant,
-        "lagrange" => Predictor::Lagrange,
-        other => {
-            return Err(Error::model(format!("no predictor is called {other}; use tangent, secant or lagrange")));
-        }
+        "lagrange" => Predictor::Lagrange(3),
+        other => match other.strip_prefix("lagrange").and_then(|order| order.parse().ok()) {
+            Some(order @ 1..=5) => Predictor::Lagrange(order),
+            _ => return Err(Error::model(format!("no predictor is called {other}"))),
+        },
     };
     let corrector = match corrector {
         "pseudo-arclength" => Corrector::PseudoArclength,

@@ -8,6 +8,7 @@ use pyo3::types::{PyDict, PyList};
 
 use crate::aero::section::{Flow, Place, column};
 use crate::analysis::reactions::shared;
+use crate::analysis::transient::augmented::Penalty;
 use crate::analysis::transient::driver::{End, Output, Plan, Progress, Run, Steps};
 use crate::analysis::transient::methods::{Method, simulate};
 use crate::analysis::transient::{Equations, Motion};
@@ -100,7 +101,10 @@ fn simulate_motion<'py>(
         Some(name) => name.extract()?,
         None => "auto".to_string(),
     };
-    let method = Method::named(&method, number(options, "rho")?)?;
+    let penalty = number(options, "penalty")?;
+    let passes = number(options, "passes")?.unwrap_or(1.0) as usize;
+    let penalty = penalty.map(|factor| Penalty { factor, passes });
+    let method = Method::named(&method, number(options, "rho")?, penalty)?;
     let (effects, mut plan) = (effects(&without)?, plan(options)?);
     plan.breaks.extend(system.kinks(motion.t));
     if matches!(plan.steps, Steps::Controlled { .. }) {
@@ -125,6 +129,9 @@ fn simulate_motion<'py>(
     }
     dict.set_item("method", out.method)?;
     dict.set_item("why", out.why)?;
+    let measures = PyDict::new(py);
+    out.measures.iter().try_for_each(|(name, value)| measures.set_item(name, value))?;
+    dict.set_item("measures", measures)?;
     dict.set_item("position_correction", out.position_correction)?;
     dict.set_item("velocity_correction", out.velocity_correction)?;
     dict.set_item("counts", counts_dict(py, &counts)?)?;

@@ -81,7 +81,7 @@ impl Branch {
                 point.step = self.step;
                 self.step = (self.step * growth(point.iterations, self.turn(&point))).min(self.options.largest_step);
                 self.history.push_front(point);
-                self.history.truncate(4);
+                self.history.truncate(self.options.predictor.points().max(RETREAT));
                 return Ok(Advance::Moved);
             }
             self.step *= 0.5;
@@ -125,12 +125,12 @@ impl Branch {
 
     fn predict(&self, centre: &[f64], direction: &[f64]) -> Vec<f64> {
         let along = |d: &[f64]| -> Vec<f64> { centre.iter().zip(d).map(|(c, d)| c + self.step * d).collect() };
-        let known = self.history.len();
-        if self.options.predictor == Predictor::Tangent || known < 2 {
+        let known = self.history.len().min(self.options.predictor.points());
+        if known < 2 {
             return along(direction);
         }
         let scale = &self.history[0].scale;
-        let old: Vec<Vec<f64>> = self.history.iter().map(|p| scaled(&p.z, scale)).collect();
+        let old: Vec<Vec<f64>> = self.history.iter().take(known).map(|p| scaled(&p.z, scale)).collect();
         let gap =
             |i: usize| -> f64 { old[i].iter().zip(&old[i + 1]).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt() };
         if self.options.predictor == Predictor::Secant {
@@ -140,10 +140,7 @@ impl Branch {
         }
         let mut s = vec![0.0];
         (0..known - 1).for_each(|i| s.push(s[i] - gap(i)));
-        let weight =
-            |i: usize| -> f64 { (0..known).filter(|l| *l != i).map(|l| (self.step - s[l]) / (s[i] - s[l])).product() };
-        let weights: Vec<f64> = (0..known).map(weight).collect();
-        (0..centre.len()).map(|c| (0..known).map(|i| weights[i] * old[i][c]).sum()).collect()
+        extrapolated(&s, &old, self.step)
     }
 
     /// The point at parameter p between the last two points, for landing on the end of a range.
@@ -194,6 +191,16 @@ impl Branch {
         let (a, b) = (self.history.get(1)?, &self.history[0]);
         Some(Segment::new(a, b, self.options))
     }
+}
+
+/// Points that are kept for steps back, whatever the predictor reads.
+const RETREAT: usize = 4;
+
+/// The polynomial through the points x(s_i), in the form of Lagrange, at s.
+fn extrapolated(s: &[f64], x: &[Vec<f64>], at: f64) -> Vec<f64> {
+    let others = |i: usize| (0..s.len()).filter(move |l| *l != i);
+    let weights: Vec<f64> = (0..s.len()).map(|i| others(i).map(|l| (at - s[l]) / (s[i] - s[l])).product()).collect();
+    (0..x[0].len()).map(|c| weights.iter().zip(x).map(|(w, x)| w * x[c]).sum()).collect()
 }
 
 /// Factor on the step: three linearisations are what a good step needs; a turning branch is not stepped over faster.
@@ -265,7 +272,8 @@ mod tests {
 
     #[test]
     fn a_circle_is_followed_all_around() {
-        for predictor in [Predictor::Tangent, Predictor::Secant, Predictor::Lagrange] {
+        let orders = (1..=5).map(Predictor::Lagrange);
+        for predictor in [Predictor::Tangent, Predictor::Secant].into_iter().chain(orders) {
             for corrector in [Corrector::PseudoArclength, Corrector::Arclength, Corrector::MoorePenrose] {
                 let mut circle = Plane(|y, p| [y * y + p * p - 1.0, 2.0 * y, 2.0 * p]);
                 let mut branch = Branch::start(&mut circle, &[0.8], 0.6, &[0.0, 1.0], options(predictor, corrector))
@@ -292,6 +300,25 @@ mod tests {
                     assert!((fold.p().abs() - 1.0).abs() < 1e-12 && fold.z[0].abs() < 1e-9, "{fold:?}");
                 }
             }
+        }
+    }
+
+    /// Through k + 1 uneven points of a polynomial of order k; a polynomial of the next order is missed.
+    #[test]
+    fn a_polynomial_of_its_order_is_continued_exactly() {
+        let s = [0.0, -0.31, -0.47, -1.13, -1.29, -1.9];
+        let polynomial = |order: usize, s: f64| (0..=order).fold(0.3, |y, k| y * s + 1.7 - 0.6 * k as f64);
+        for order in 1..=5 {
+            let points = |degree: usize| -> Vec<Vec<f64>> {
+                s[..=order].iter().map(|s| vec![polynomial(degree, *s), -2.0 * polynomial(order, *s)]).collect()
+            };
+            let off = |degree: usize| {
+                let found = extrapolated(&s[..=order], &points(degree), 0.4);
+                assert!((found[1] + 2.0 * polynomial(order, 0.4)).abs() < 1e-13);
+                (found[0] - polynomial(degree, 0.4)).abs()
+            };
+            assert!(off(order) < 1e-13, "{order}: {}", off(order));
+            assert!(off(order + 1) > 1e-3, "{order}: {}", off(order + 1));
         }
     }
 

@@ -10,7 +10,19 @@ use crate::error::Result;
 pub enum Predictor {
     Tangent,
     Secant,
-    Lagrange,
+    /// the polynomial of this order through the last points; of lower order while there are fewer
+    Lagrange(usize),
+}
+
+impl Predictor {
+    /// Points of the branch that the prediction reads.
+    pub fn points(self) -> usize {
+        match self {
+            Predictor::Tangent => 1,
+            Predictor::Secant => 2,
+            Predictor::Lagrange(order) => order + 1,
+        }
+    }
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

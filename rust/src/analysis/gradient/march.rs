@@ -126,7 +126,7 @@ impl<'a> March<'a> {
             Rule::Ali3p(weight) => {
                 let mut trend = from.trend.clone();
                 let opened = self.eq.opened(&from.instant, h);
-                let (mut end, record, mut by) = self.eq.ali3p_step(&opened, h, &trend, weight, counts)?;
+                let (mut end, record, mut by) = self.eq.ali3p_step(&opened, h, &trend, (weight, None), counts)?;
                 if !by.settled {
                     self.eq.renew(&opened, &record, &mut by, counts)?;
                 }

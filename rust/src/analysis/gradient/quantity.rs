@@ -6,6 +6,7 @@ use crate::spatial::{Real, Six, V3, turned, turned_back};
 use crate::system::connector::relative_of;
 use crate::system::flexible::node_rates;
 use crate::system::placement::Placement;
+use crate::system::topology::Modal;
 
 use super::reactions::joint_reactions;
 
@@ -31,6 +32,8 @@ pub enum Quantity {
     Joint(usize),
     /// wrench on the second body of a joint at its point, world (6)
     Reaction(usize),
+    /// modal coordinates of a body, their rates or accelerations (order 0, 1, 2)
+    Modal(usize, u8),
 }
 
 /// An instant over T.
@@ -48,12 +51,20 @@ impl Quantity {
             Quantity::Rotation(_) => 9,
             Quantity::Joint(j) => eq.topology().tables.joints[*j].kind.free_coordinates().len(),
             Quantity::Reaction(_) => 6,
+            Quantity::Modal(body, _) => modal_of(eq, *body).map_or(0, |m| m.m),
         }
     }
 
     fn needs_accelerations(&self) -> bool {
         matches!(self, Quantity::Point(_, _, 2) | Quantity::Turning(_, 2))
     }
+}
+
+/// The modal coordinates of a body; None of a rigid one.
+fn modal_of<'a, T: Real>(eq: &Equations<'a, T>, body: usize) -> Option<&'a Modal> {
+    let topology = eq.topology();
+    let place = topology.tables.flexible.iter().position(|f| f.body == body)?;
+    topology.modal.get(place)
 }
 
 /// Quantities belong to the model.
@@ -71,6 +82,7 @@ pub fn check(eq: &Equations<'_, f64>, wanted: &[Quantity]) -> Result<()> {
             Quantity::Rotation(b) => *b < tables.bodies.len(),
             Quantity::Turning(b, order) => *b < tables.bodies.len() && matches!(order, 1 | 2),
             Quantity::Joint(j) | Quantity::Reaction(j) => *j < tables.joints.len(),
+            Quantity::Modal(body, order) => modal_of(eq, *body).is_some() && *order < 3,
         };
         if !fits {
             return Err(Error::model("a quantity does not belong to the model"));
@@ -117,6 +129,15 @@ pub fn evaluate<T: Real>(eq: &Equations<'_, T>, at: &Point<'_, T>, wanted: &[Qua
             Quantity::Reaction(j) => {
                 let w = reactions.as_ref().map_or_else(Six::zero, |r| r[*j]);
                 out.extend((0..6).map(|i| w.get(i)));
+            }
+            Quantity::Modal(body, order) => {
+                if let Some(m) = modal_of(eq, *body) {
+                    out.extend_from_slice(match order {
+                        0 => &at.motion.q[m.q..m.q + m.m],
+                        1 => &at.motion.rate[m.first..m.first + m.m],
+                        _ => &at.acceleration[m.first..m.first + m.m],
+                    });
+                }
             }
         }
     }

@@ -20,4 +20,5 @@ pub mod problem;
 pub mod refined;
 pub mod response;
 pub mod rows;
+mod scales;
 pub mod start;

@@ -7,7 +7,7 @@
 //! ```
 //! for x, the increment h/2 (v0 + v*) of the trapezoidal rule; the product, of three rotations that act together, is their commutator
 //! (`rotations`). W = M + h/2 D + c K at (q1, v*, a*), or M. Every linear system is solved as the saddle system to which penalties and
-//! multiplier updates converge, so that no penalty leaves a trace. Docs: docs/theory.md (17.14) to (17.17), after D. Dopico and
+//! multiplier updates converge, so that no penalty leaves a trace; those who ask for them get both (`augmented`). Docs: docs/theory.md (17.14) to (17.17), after D. Dopico and
 //! co-workers, Nonlinear Dynamics 93 (2018) 2039-2056. The functions are generic: `gradient` differentiates the very same text.
 use nalgebra::{DMatrix, DVector};
 use num_dual::{Dual, Dual64};
@@ -18,6 +18,7 @@ use crate::spatial::Real;
 use crate::system::assemble::Tangent;
 use crate::system::topology::Level;
 
+use super::augmented::{Augmented, Penalty};
 use super::rotations::{Maps, add_turning};
 use super::{Equations, Instant, LocalError, Motion, Scheme, Step, scaled_size};
 use crate::linalg::kkt::Kkt;
@@ -41,7 +42,7 @@ pub enum Weight {
 }
 
 /// All that is needed to repeat a step without iterating.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub struct Record {
     pub h: f64,
     /// x
@@ -52,6 +53,9 @@ pub struct Record {
     pub kappa: Vec<f64>,
     pub da: Vec<f64>,
     pub nu: Vec<f64>,
+    /// largest miss of the rows of velocities before and behind their projection, of accelerations before and behind it: in
+    /// characteristic lengths and radians per s and s2
+    pub misses: [f64; 4],
 }
 
 /// The matrices of a step, factorised; that of the step at the last iterate but one, from which the solution differs by rounding.
@@ -200,35 +204,6 @@ pub fn lifted<'a, T: Real>(eq: &Equations<'a, T>) -> Equations<'a, Dual<T>> {
     Equations::with_geometry(eq.system, x, eq.geometry.map(Dual::from_re), eq.effects)
 }
 
-/// W delta: for the tangent metric, which needs the equations lifted, the derivative of c (M a* + h) along
-/// (c delta, h/2 delta, delta).
-pub fn metric_times<T: Real>(
-    eq: &Equations<'_, T>,
-    lifted: Option<&Equations<'_, Dual<T>>>,
-    m: &Motion<T>,
-    a: &[T],
-    delta: &[T],
-    h: f64,
-    weight: Weight,
-) -> DVector<T> {
-    let (Weight::Tangent, Some(lifted)) = (weight, lifted) else {
-        return eq.mass(m) * DVector::from_column_slice(delta);
-    };
-    let along = |v: &[T], f: f64| -> Vec<Dual<T>> { v.iter().zip(delta).map(|(v, d)| Dual::new(*v, *d * f)).collect() };
-    let start = Motion {
-        t: m.t,
-        q: m.q.iter().map(|v| Dual::from_re(*v)).collect(),
-        rate: along(&m.rate, 0.5 * h),
-        memory: m.memory.iter().map(|v| Dual::from_re(*v)).collect(),
-    };
-    let none = vec![T::zero(); delta.len()];
-    let moved = start.moved(eq.topology(), &along(&none, 0.25 * h * h));
-    let a = along(a, 1.0);
-    let placement = lifted.place(&moved);
-    let scene = lifted.scene(&moved, &placement, Some(&a));
-    scene.residual(None).map(|v| v.eps)
-}
-
 /// J^T y, y one number per row.
 pub fn pulled<T: Real>(jacobian: &DMatrix<T>, y: &[f64]) -> DVector<T> {
     DVector::from_fn(jacobian.ncols(), |j, _| (0..jacobian.nrows()).fold(T::zero(), |s, i| s + jacobian[(i, j)] * y[i]))
@@ -248,8 +223,9 @@ impl Equations<'_, f64> {
         (x, maps): (&[f64], &Maps),
         linear: &Linear,
         h: f64,
+        penalty: Option<Penalty>,
         counts: &mut Counts,
-    ) -> Result<Kkt> {
+    ) -> Result<(Kkt, Option<Augmented>)> {
         let t = &linear.tangent;
         let mut matrix = &t.stiffness * (0.25 * h * h);
         turn_columns(&mut matrix, maps);
@@ -262,8 +238,22 @@ impl Equations<'_, f64> {
         if self.topology().has_velocity_rows() {
             self.velocity_row_slopes(from, x, h, &mut right);
         }
+        self.systems(&matrix, &linear.jacobian, &right, penalty, counts)
+    }
+
+    /// The saddle system, and beside it the one with penalties where it is asked for.
+    fn systems(
+        &self,
+        matrix: &DMatrix<f64>,
+        jacobian: &DMatrix<f64>,
+        right: &DMatrix<f64>,
+        penalty: Option<Penalty>,
+        counts: &mut Counts,
+    ) -> Result<(Kkt, Option<Augmented>)> {
         counts.add("factorisations", 1);
-        self.kkt_of(&matrix, &linear.jacobian, &right)
+        let kkt = self.kkt_of(matrix, jacobian, right)?;
+        let augmented = penalty.map(|by| Augmented::new(matrix, jacobian, right, kkt.kept(), by));
+        Ok((kkt, augmented))
     }
 
     /// Rows of velocity level: h/2 d(J v*)/dx, column by column with a dual number.
@@ -297,16 +287,15 @@ impl Equations<'_, f64> {
         a: &[f64],
         jacobian: &DMatrix<f64>,
         h: f64,
-        weight: Weight,
+        (weight, penalty): (Weight, Option<Penalty>),
         counts: &mut Counts,
-    ) -> Result<Kkt> {
+    ) -> Result<(Kkt, Option<Augmented>)> {
         let matrix = match weight {
             Weight::Mass => self.mass(m),
             Weight::Tangent => Linear { tangent: self.tangent(m, a, &[], counts), jacobian: DMatrix::zeros(0, 0) }
                 .combined(0.5 * h, 0.25 * h * h),
         };
-        counts.add("factorisations", 1);
-        self.kkt_of(&matrix, jacobian, jacobian)
+        self.systems(&matrix, jacobian, jacobian, penalty, counts)
     }
 
     /// One step, with what is needed to repeat it; the accelerations at its end are foreseen by those before.
@@ -315,7 +304,7 @@ impl Equations<'_, f64> {
         from: &Instant,
         h: f64,
         trend: &Trend,
-        weight: Weight,
+        (weight, penalty): (Weight, Option<Penalty>),
         counts: &mut Counts,
     ) -> Result<(Instant, Record, Factors)> {
         let n = self.n();
@@ -324,13 +313,12 @@ impl Equations<'_, f64> {
         let c = 0.25 * h * h;
         let mut x: Vec<f64> = (0..n).map(|i| h * v0[i] + c * (a0[i] + ahead[i])).collect();
         let mut lam = from.lam.clone();
-        let (step, linear, exact, settled) = self.newton(from, h, &mut x, &mut lam, counts)?;
+        let (step, linear, exact, settled) = self.newton(from, h, (&mut x, &mut lam), penalty, counts)?;
         let (_, m, a) = stars(self, &from.motion, a0, &x, h);
-        let mut record =
-            Record { h, straight: x, lam, dv: Vec::new(), kappa: Vec::new(), da: Vec::new(), nu: Vec::new() };
+        let mut record = Record { h, straight: x, lam, ..Record::default() };
         let mut end = Instant { motion: m, acceleration: a, lam: record.lam.clone() };
         let projection =
-            (self.n_rows() > 0).then(|| self.project(&mut end, &mut record, weight, counts)).transpose()?;
+            (self.n_rows() > 0).then(|| self.project(&mut end, &mut record, (weight, penalty), counts)).transpose()?;
         let factors = Factors { step, projection, weight, linear: Some(linear), exact, settled };
         Ok((end, record, factors))
     }
@@ -342,23 +330,35 @@ impl Equations<'_, f64> {
         let (dq, m, a) = stars(self, &from.motion, &from.acceleration, x, h);
         let linear = self.linearised(&m, &a, &record.lam, 0.5 * h, counts).2;
         let maps = self.step_maps(&dq, &from.motion.rate, h, 2.0 / h);
-        factors.step = self.step_matrix(from, (x, &maps), &linear, h, counts)?;
+        factors.step = self.step_matrix(from, (x, &maps), &linear, h, None, counts)?.0;
         (factors.linear, factors.exact, factors.settled) = (Some(linear), true, true);
         Ok(())
     }
 
-    fn project(&self, end: &mut Instant, record: &mut Record, weight: Weight, counts: &mut Counts) -> Result<Kkt> {
+    fn project(
+        &self,
+        end: &mut Instant,
+        record: &mut Record,
+        by: (Weight, Option<Penalty>),
+        counts: &mut Counts,
+    ) -> Result<Kkt> {
         let jacobian = self.rows(&end.motion).1;
-        let by = self.projection_matrix(&end.motion, &end.acceleration, &jacobian, record.h, weight, counts)?;
+        let (kkt, augmented) =
+            self.projection_matrix(&end.motion, &end.acceleration, &jacobian, record.h, by, counts)?;
+        let scales = self.row_scales();
+        let size = |miss: &DVector<f64>| miss.iter().zip(&scales).fold(0.0, |s: f64, (m, c)| s.max((m * c).abs()));
         counts.add("velocity projections", 1);
         counts.add("acceleration projections", 1);
         let none = DVector::zeros(self.n());
-        let (dv, kappa) = by.solve_one(&none, &-self.row_rates_of(&end.motion, &jacobian))?;
+        let rates = self.row_rates_of(&end.motion, &jacobian);
+        let (dv, kappa) = solved(&kkt, augmented.as_ref(), &none, &-&rates, counts)?;
         for (v, d) in end.motion.rate.iter_mut().zip(dv.iter()) {
             *v += d;
         }
         let miss = self.row_bias(&end.motion) + &jacobian * DVector::from_column_slice(&end.acceleration);
-        let (da, nu) = by.solve_one(&none, &-miss)?;
+        let (da, nu) = solved(&kkt, augmented.as_ref(), &none, &-&miss, counts)?;
+        let behind = [&rates + &jacobian * &dv, &miss + &jacobian * &da];
+        record.misses = [size(&rates), size(&behind[0]), size(&miss), size(&behind[1])];
         for (a, d) in end.acceleration.iter_mut().zip(da.iter()) {
             *a += d;
         }
@@ -366,7 +366,7 @@ impl Equations<'_, f64> {
         record.kappa = kappa.as_slice().to_vec();
         record.da = da.as_slice().to_vec();
         record.nu = nu.as_slice().to_vec();
-        Ok(by)
+        Ok(kkt)
     }
 
     /// Residual, closure (velocity rows times a factor) and their derivatives, all of one placement.
@@ -395,8 +395,8 @@ impl Equations<'_, f64> {
         &self,
         from: &Instant,
         h: f64,
-        x: &mut [f64],
-        lam: &mut [f64],
+        (x, lam): (&mut [f64], &mut [f64]),
+        penalty: Option<Penalty>,
         counts: &mut Counts,
     ) -> Result<(Kkt, Linear, bool, bool)> {
         let scales = self.scales();
@@ -415,8 +415,9 @@ impl Equations<'_, f64> {
                 return Err(unsolved(h, f64::NAN));
             }
             let maps = self.step_maps(&dq, &from.motion.rate, h, 2.0 / h);
-            let by = self.step_matrix(from, (x, &maps), &linear, h, counts)?;
-            let (dx, y) = by.solve_one(&r, &-phi)?;
+            let penalty = penalty.filter(|_| self.n_rows() > 0);
+            let (by, augmented) = self.step_matrix(from, (x, &maps), &linear, h, penalty, counts)?;
+            let (dx, y) = solved(&by, augmented.as_ref(), &r, &-phi, counts)?;
             for (x, d) in x.iter_mut().zip(dx.iter()) {
                 *x += d;
             }
@@ -443,6 +444,21 @@ impl Equations<'_, f64> {
     }
 }
 
+/// The saddle point, or what the passes make of it.
+fn solved(
+    kkt: &Kkt,
+    augmented: Option<&Augmented>,
+    f: &DVector<f64>,
+    g: &DVector<f64>,
+    counts: &mut Counts,
+) -> Result<(DVector<f64>, DVector<f64>)> {
+    let Some(augmented) = augmented else {
+        return kkt.solve_one(f, g);
+    };
+    counts.add("multiplier passes", augmented.passes() as u64);
+    augmented.solve(f, g)
+}
+
 fn unsolved(h: f64, residual: f64) -> Error {
     Error::Convergence {
         message: format!("the equations of a step of {h:.2e} s did not converge"),
@@ -455,12 +471,16 @@ fn unsolved(h: f64, residual: f64) -> Error {
 #[derive(Default)]
 pub struct Ali3p {
     pub weight: Weight,
+    penalty: Option<Penalty>,
     trend: Trend,
+    /// of the step just made, and the largest of those accepted
+    misses: [f64; 4],
+    largest: [f64; 4],
 }
 
 impl Ali3p {
-    pub fn new(weight: Weight) -> Self {
-        Ali3p { weight, trend: Trend::default() }
+    pub fn new(weight: Weight, penalty: Option<Penalty>) -> Self {
+        Ali3p { weight, penalty, ..Ali3p::default() }
     }
 
     /// Leading terms of the trapezoidal rule: h^3/12 of the third and of the fourth derivative.
@@ -493,7 +513,9 @@ impl Scheme for Ali3p {
         estimate: bool,
         counts: &mut Counts,
     ) -> Result<Step> {
-        let (end, record, _) = eq.ali3p_step(&eq.opened(from, h), h, &self.trend, self.weight, counts)?;
+        let (end, record, _) =
+            eq.ali3p_step(&eq.opened(from, h), h, &self.trend, (self.weight, self.penalty), counts)?;
+        self.misses = record.misses;
         if estimate {
             let projected = end.motion.rate.iter().zip(&record.dv);
             let before: Vec<f64> = projected.map(|(v, d)| v - d).collect();
@@ -506,6 +528,7 @@ impl Scheme for Ali3p {
 
     fn accept(&mut self, _eq: &Equations<'_, f64>, from: &Instant, step: &Step, h: f64) {
         self.trend.pass(&from.acceleration, &step.end.acceleration, h);
+        self.largest.iter_mut().zip(self.misses).for_each(|(all, one)| *all = all.max(one));
     }
 
     fn per_unit_step(&self) -> bool {
@@ -514,5 +537,19 @@ impl Scheme for Ali3p {
 
     fn reset(&mut self) {
         self.trend = Trend::default();
+    }
+
+    fn measures(&self) -> Vec<(&'static str, f64)> {
+        const NAMES: [&str; 4] = [
+            "velocity residual before projection",
+            "velocity residual after projection",
+            "acceleration residual before projection",
+            "acceleration residual after projection",
+        ];
+        let mut all: Vec<_> = NAMES.into_iter().zip(self.largest).collect();
+        if let Some(by) = self.penalty {
+            all.extend([("penalty factor", by.factor), ("passes", by.passes as f64)]);
+        }
+        all
     }
 }

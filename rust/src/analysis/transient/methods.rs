@@ -5,6 +5,7 @@ use crate::run::{Cancel, Counts};
 use crate::system::topology::BoundLaw;
 
 use super::ali3p::{Ali3p, Weight};
+use super::augmented::Penalty;
 use crate::solve::inverse::Family;
 
 use super::bdf::Bdf;
@@ -24,7 +25,7 @@ pub enum Method {
     Explicit(Option<Coordinates>),
     /// spectral radius at infinity
     GeneralizedAlpha(f64),
-    Ali3p(Weight),
+    Ali3p(Weight, Option<Penalty>),
     BdfBfgs(Form, Option<Family>),
     Bdf,
     Radau,
@@ -34,7 +35,7 @@ pub enum Method {
 const RHO: f64 = 0.8;
 
 impl Method {
-    pub fn named(name: &str, rho: Option<f64>) -> Result<Self> {
+    pub fn named(name: &str, rho: Option<f64>, penalty: Option<Penalty>) -> Result<Self> {
         match name {
             "auto" => Ok(Method::Auto),
             "explicit" => Ok(Method::Explicit(None)),
@@ -43,7 +44,7 @@ impl Method {
             "bdf" => Ok(Method::Bdf),
             "radau" => Ok(Method::Radau),
             "generalized-alpha" => Ok(Method::GeneralizedAlpha(rho.unwrap_or(RHO))),
-            "ali3p" => Ok(Method::Ali3p(Weight::Tangent)),
+            "ali3p" => Ok(Method::Ali3p(Weight::Tangent, penalty)),
             name if name.starts_with("bdf-bfgs") => {
                 let form = if name.contains("/symmetric") { Form::Symmetric } else { Form::Ggl };
                 let family = match name.rsplit('/').next() {
@@ -62,7 +63,7 @@ impl Method {
             Method::Auto => "auto",
             Method::Explicit(_) => "explicit",
             Method::GeneralizedAlpha(_) => "generalized-alpha",
-            Method::Ali3p(_) => "ali3p",
+            Method::Ali3p(..) => "ali3p",
             Method::BdfBfgs(..) => "bdf-bfgs",
             Method::Bdf => "bdf",
             Method::Radau => "radau",
@@ -78,7 +79,7 @@ impl Method {
             Method::Auto | Method::Explicit(None) => Box::new(Explicit8::default()),
             Method::Explicit(Some(coordinates)) => Box::new(Explicit8::new(*coordinates, rtol)),
             Method::GeneralizedAlpha(rho) => Box::new(GeneralizedAlpha::new(*rho)),
-            Method::Ali3p(weight) => Box::new(Ali3p::new(*weight)),
+            Method::Ali3p(weight, penalty) => Box::new(Ali3p::new(*weight, *penalty)),
             Method::BdfBfgs(form, family) => Box::new(BdfBfgs::new(*form, *family, rtol)),
             Method::Bdf => Box::new(Bdf::new(rtol)),
             Method::Radau => Box::new(Radau::new(rtol)),
@@ -90,6 +91,7 @@ pub struct Simulated {
     pub run: Run,
     pub method: &'static str,
     pub why: String,
+    pub measures: Vec<(&'static str, f64)>,
     /// largest change of a joint coordinate by closing the loops at the start, characteristic lengths or radians
     pub position_correction: f64,
     /// the same of a rate, per second
@@ -108,6 +110,8 @@ pub fn simulate(
     let given = start.clone();
     let mut first = eq.consistent(start, counts).map_err(at_start)?;
     eq.close_states(&mut first.motion);
+    // sliders that the start overloads have slipped before it
+    eq.remember(&mut first.motion, counts);
     let scales = eq.scales();
     let size = |v: &[f64]| scaled_size(v, &scales);
     let position_correction = size(&eq.difference(&given, &first.motion));
@@ -123,7 +127,14 @@ pub fn simulate(
     if let Some(remark) = scheme.remark() {
         why = format!("{why}; {remark}");
     }
-    Ok(Simulated { run, method: method.name(), why, position_correction, velocity_correction })
+    Ok(Simulated {
+        run,
+        method: method.name(),
+        why,
+        measures: scheme.measures(),
+        position_correction,
+        velocity_correction,
+    })
 }
 
 fn at_start(error: Error) -> Error {

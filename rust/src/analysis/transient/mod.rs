@@ -20,6 +20,7 @@
 //! | `interpolate` | between two instants |
 //! | one file for each scheme | implements `Scheme` |
 pub mod ali3p;
+pub mod augmented;
 pub mod bdf;
 pub mod bdf_bfgs;
 mod bdf_differences;
@@ -165,6 +166,11 @@ pub trait Scheme {
     /// What a reader of the result should know of how it went.
     fn remark(&self) -> Option<String> {
         None
+    }
+
+    /// Numbers of the run by name, largest values over its steps.
+    fn measures(&self) -> Vec<(&'static str, f64)> {
+        Vec::new()
     }
 
     /// How much longer than the last step the next one may be.
