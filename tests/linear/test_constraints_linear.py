@@ -5,7 +5,7 @@ from __future__ import annotations
 import mbrs as mb
 import numpy as np
 import pytest
-from constraint_models import AXIS, Bead, ball, cam, driven_arm, pendulum, skate
+from constraint_models import AXIS, Bead, ball, cam, driven_arm, frame, pendulum, skate
 
 
 @pytest.mark.parametrize("kind", ["function", "derivatives"])
@@ -88,6 +88,24 @@ def test_a_row_of_velocities_is_a_knife_edge():
     a, b = (mb.modes(m, at=mb.equilibrium(m)) for m in (skate("joint", 4.0), skate("function", 4.0)))
     assert mb.System(skate("function")).dof == 2
     assert b.roots == pytest.approx(a.roots, rel=1e-10)
+
+
+def test_a_row_of_velocities_rolls_straight_ahead_as_a_knife_edge_does():
+    """A sled whose centre of mass is behind its blade, on level ice: the root v m a/(J + m a^2) to positive real parts, three zeros."""
+    R, blade, behind = frame(7), np.array([0.25, 0.22, -0.05]), 0.1
+    roots = []
+    for kind in ("joint", "function"):
+        m = mb.Model("sled")
+        at, velocity = tuple(blade - behind * R[:, 0]), tuple(0.8 * R[:, 0])
+        sled = m.body("sled", mass=1.4, inertia=(0.3, 0.3, 0.3), at=at, velocity=velocity)
+        m.planar("ice", m.ground, sled, at=tuple(blade), orientation=R)
+        if kind == "joint":
+            m.knife_edge("edge", m.ground, sled, at=tuple(blade), axis=tuple(R[:, 1]))
+        else:
+            m.velocity_constraint("edge", lambda t, u: [-np.sin(u[2]), np.cos(u[2]), 0.0], ["ice.x", "ice.y", "ice.rz"])
+        roots.append(np.sort(mb.modes(m).roots.real))
+    expected = 0.8 * 1.4 * behind / (0.3 + 1.4 * behind**2)
+    assert roots[0] == pytest.approx([0, 0, 0, expected], abs=1e-12) and roots[1] == pytest.approx(roots[0], abs=1e-12)
 
 
 def test_linear_analyses_hold_time_at_zero():
