@@ -1,7 +1,8 @@
 """Three predictors with three correctors through both folds of Duffing's oscillator (Sarrouy and Sinou 2011, section
 5).
 
-Every pair must find the folds of docs/theory.md (23.5); the table counts points, corrections and milliseconds.
+Every pair must find the folds of docs/theory.md (23.5); the table counts points, corrections and milliseconds. Then the
+order of the Lagrange polynomial, at steps of one length.
 """
 
 from __future__ import annotations
@@ -36,6 +37,14 @@ def main(where: Path | str) -> None:
             found = f"{len(curve.omega)} points, {corrections} corrections, {spent:.0f} ms; folds within {off:.0e}"
             rows.append((f"{predictor}, {corrector}", "described, no example", found, "the text has no numbers"))
         ax.set(title=f"predictor: {predictor}", xlabel="omega")
+    for order in range(1, 6):
+        curve = mb.frequency_response(
+            system, force=[0.18], omega=(0.5, 1.6), harmonics=7, predictor=f"lagrange{order}", max_step=0.05
+        )
+        found = f"{len(curve.omega)} points, {curve.stats.counts['corrections']} corrections"
+        rows.append(
+            (f"Lagrange polynomial of order {order}", "described, no example", found, "the text has no numbers")
+        )
     axes[0].set_ylabel("amplitude of the first harmonic")
     axes[0].legend(fontsize=8)
     told(rows)

@@ -21,7 +21,7 @@ SAYS = {
     "time_response": (["0.886 mm at most"], ["time_response"]),
     "reduction_cost": (["all constraints"], ["reduction_cost"]),
     "alternating": (["p = 2, m = 5", "a1 = 1.30534547"], ["alternating"]),
-    "continuation": (["lagrange, moore-penrose", "folds within 3e-07"], ["continuation"]),
+    "continuation": (["lagrange, moore-penrose", "folds within 3e-07", "polynomial of order 5"], ["continuation"]),
     "condensation": (["900 unknowns or 15"], ["condensation"]),
     "equations": (["I: 8/17/6e-10", "Newton: 3 iterations"], ["equations"]),
     "solver_words": (["the words alone", "stops after 0 steps", "all steps"], ["solver_words"]),

@@ -5,6 +5,7 @@ import pickle
 import warnings
 from math import comb
 
+import mbrs as mb
 import numpy as np
 import pytest
 from mbrs.errors import MbrsWarning, ModelError
@@ -283,3 +284,24 @@ def test_branch_with_automatic_terms_equals_the_reference():
 def test_bad_ranges(run, text):
     with pytest.raises(ModelError, match=text):
         run()
+
+
+def test_branches_of_models_are_those_of_their_matrices():
+    axis = np.array([0.4, -0.2, 0.9]) / np.linalg.norm([0.4, -0.2, 0.9])
+    m = mb.Model("slider")
+    b = m.body("mass", mass=2.0, inertia=(0.1, 0.2, 0.3), at=(1.0, 2.0, 3.0))
+    m.prismatic("rail", m.ground, b, at=(1.0, 2.0, 3.0), axis=axis, k=8.0, c=0.4, law=mb.Cubic(3.0))
+    matrices = mb.MechanicalSystem([[2.0]], [[0.4]], [[8.0]], elements=[mb.Cubic(3.0, w=[1.0])])
+    frequencies = (2.0, 2.0 * np.sqrt(2.0))
+    ports = [dict(inputs="mass.force.z", amplitude=0.4 * (1 + 0.3j * k), omega=w) for k, w in enumerate(frequencies)]
+    forces = [dict(force=[axis[2] * 0.4 * (1 + 0.3j * k)], omega=w) for k, w in enumerate(frequencies)]
+    for range_ in (dict(scale=(1.0, 0.8)), dict(level=(0.1, 1.0))):
+        one, other = (mb.quasi_periodic_response(*x, harmonics=3, **range_) for x in ((m, ports), (matrices, forces)))
+        assert one.status == "converged" and one.omega == pytest.approx(other.omega, rel=1e-9)
+        assert pytest.approx(other.X, abs=1e-9 * np.abs(other.X).max()) == one.X
+    swept = mb.quasi_periodic_response(m, [ports[0], {**ports[1], "omega": (2.6, 3.0)}], harmonics=3)
+    assert swept.status == "converged" and swept.omega[-1, 1] == pytest.approx(3.0)
+    with pytest.raises(ModelError, match="this one returns a model"):
+        mb.quasi_periodic_response(lambda value: m, ports, value=(1.0, 2.0))
+    with pytest.raises(ModelError, match="at= and without= are for models"):
+        mb.quasi_periodic_response(lambda value: matrices, forces, value=(1.0, 2.0), without=["damping"])

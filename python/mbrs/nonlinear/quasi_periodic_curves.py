@@ -13,18 +13,20 @@ import numpy as np
 from .. import _core
 from .._lib import checks
 from ..errors import Interrupted, ModelError
+from ..model.book import Book
 from ..results import Result, Stats, derived, quantity, result
 from . import balance
 from .branch_options import PREDICTORS
 from .branch_points import MEANING, STATUS
 from .displacement import label
 from .periodic import UNRESOLVED, effects_of
-from .quasi_periodic import MOST_AUTOMATIC, QuasiPeriodicSolution, Torus
+from .quasi_periodic import MOST_AUTOMATIC, QuasiPeriodicSolution, Torus, sources_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+    from ..system.state import StateLike
     from .displacement import Displacement
 
 
@@ -163,6 +165,8 @@ def quasi_periodic_response(
     max_step: float = 0.1,
     tolerance: float = 1e-9,
     max_points: int = 10000,
+    at: StateLike = None,
+    without: Sequence[str] = (),
 ) -> QuasiPeriodicResponse:
     """Quasi-periodic responses along a branch, folds included.
 
@@ -171,8 +175,9 @@ def quasi_periodic_response(
     scale, level, value
         One of them a range (a, b): the factor on all frequencies, that on all forces but the static one, or the parameter of a
         ``system`` that is a function of it. Or none of them a range, and one of the ``forces`` with ``omega=(a, b)``.
-    system, forces, harmonics, indices, static, n_samples, condense, x0, tol
-        As for `quasi_periodic`, but not for models. ``harmonics="auto"``: the branch is computed with as many as keep all of
+    system, forces, harmonics, indices, static, n_samples, condense, x0, tol, at, without
+        As for `quasi_periodic`, also of a `Model` with ports; a ``system`` that is a function of ``value`` returns matrices.
+        ``harmonics="auto"``: the branch is computed with as many as keep all of
         ``.error`` below ``tol``.
     predictor, corrector, step, min_step, max_step, tolerance, max_points
         As for `frequency_response`.
@@ -206,6 +211,11 @@ def quasi_periodic_response(
     limit = balance.positive("tol", (1e-6 if automatic else UNRESOLVED) if tol is None else tol)
     most = checks.count("max_points", max_points, 10_000_000)
     limits = balance.steps(step, min_step, max_step)
+    if callable(system):
+        if at is not None or tuple(without):
+            raise ModelError("at= and without= are for models; a function of the value returns matrices")
+    else:
+        system, forces = sources_of(system, forces, at, without)
     way = _way(system, forces, scale, level, value)
     options: dict[str, Any] = dict(
         predictor=checks.choice("predictor", predictor, PREDICTORS),
@@ -264,6 +274,11 @@ def _way(system: Any, forces: Any, scale: Any, level: Any, value: Any) -> _Way:
     if ranges == ["value"]:
         ends = _ends("value", value)
         begin_system = system(ends[0])
+        if isinstance(begin_system, Book):
+            raise ModelError(
+                "value=(a, b) follows a function that returns a MechanicalSystem, and this one returns a model; follow scale=, level= or "
+                "the omega of a force of the model, or mb.parameter_response with one force"
+            )
         return _Way("family", ends, begin_system, forces, _checked_scale(scale), balance.checked_level(level), system)
     if ranges == ["scale"]:
         return _Way("scale", _ends("scale", scale, positive=True), system, forces, 1.0, balance.checked_level(level))
