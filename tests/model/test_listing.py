@@ -1,6 +1,7 @@
 """``print(model)`` is a table of everything that was given, and never fails."""
 
 import mbrs as mb
+import numpy as np
 import pytest
 from mbrs.model import listing
 
@@ -53,3 +54,17 @@ def test_models_of_the_examples_print(name):
     text = str(made)
     assert all(body.name in text for body in made.bodies[: listing.MOST_ROWS])
     assert max(len(line) for line in text.splitlines()) <= 121
+
+
+def test_functions_with_derivatives_that_no_file_can_hold_are_shown():
+    """A file needs a name by which they can be imported; a table does not."""
+    m = mb.Model("local functions")
+    b = m.body("b", mass=1.3, inertia=(1.0, 2.0, 2.5), at=(0.3, 0.2, 0.1))
+    stiffening = mb.FunctionLaw(lambda t, u, v: u**3, derivatives=lambda t, u, v: (3 * u**2, 0.0))
+    m.spring_damper("spring", m.ground, b, at=((1.0, 2.0, 0.3), (0.3, 0.2, 0.1)), k=3.0, law=stiffening)
+    slopes = lambda t, u: ([[0.0, 1.0]], [np.zeros((2, 2))])  # noqa: E731
+    m.constraint("level", lambda t, u: [u], ["b.motion.z"], derivatives=slopes)
+    text = str(m)
+    assert "<lambda>(t, u, v)" in text and "<lambda>(t, u)" in text
+    with pytest.raises(mb.ModelError, match="cannot be saved"):
+        m.file_text()

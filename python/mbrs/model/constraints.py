@@ -14,7 +14,7 @@ from .function_calls import FunctionCall
 from .joint import Joint
 from .joints import free
 from .law_items import SavedFunction
-from .motions import FunctionName, name_of, resolve
+from .motions import FunctionName, UserFunction, name_of, resolve
 from .names import problem, shown
 from .numbers import Number, scalar
 from .ports import Port, as_port
@@ -121,11 +121,10 @@ class ConstraintCall(FunctionCall):
         rows = [np.reshape(part, (len(value), -1)) for part in (value, *parts)]
         return [float(x) for x in np.hstack(rows).ravel()]
 
-    def described(self) -> dict[str, str]:
-        """Names of the functions, by which they come back from a file."""
-        made = super().described()
-        rest = {} if self.d is None else {"d": name_of(self.d, self.where)}
-        return {"fun": made["function"], "derivatives": made["derivatives"], **rest}
+    def described(self) -> dict[str, UserFunction]:
+        """The functions as a file and a table want them."""
+        parts = {"fun": self.function, "derivatives": self.derivatives, "d": self.d}
+        return {key: UserFunction(f, self.where, "t, u") for key, f in parts.items() if f is not None}
 
     def __reduce__(self) -> tuple[Any, ...]:
         made: list[Any] = [self.function, self.derivatives, self.d]

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from .motions import FunctionName, name_of, resolve
+from .motions import FunctionName, UserFunction, name_of, resolve
 from .names import problem, shown
 
 
@@ -67,15 +67,16 @@ class FunctionCall:
             raise problem(self.where, f"has {what} that returned {shown(value)}; it must be finite")
         return [float(x) for x in made.ravel()]
 
-    def described(self) -> dict[str, str]:
-        """Names of the functions, by which they come back from a file."""
-        return {"function": name_of(self.function, self.where), "derivatives": name_of(self.derivatives, self.where)}
+    def described(self) -> dict[str, UserFunction]:
+        """The functions as a file and a table want them."""
+        parts = {"function": self.function, "derivatives": self.derivatives}
+        return {key: UserFunction(f, self.where, "t, u, v") for key, f in parts.items()}
 
     def __reduce__(self) -> tuple[Any, ...]:
         if isinstance(self.function, FunctionName):
             return FunctionCall, (self.function, self.derivatives, self.m, self.where)
-        made = self.described()
-        return _restored, (made["function"], made["derivatives"], self.m, self.where)
+        names = [name_of(f, self.where) for f in (self.function, self.derivatives)]
+        return _restored, (*names, self.m, self.where)
 
     def __deepcopy__(self, memo: Any) -> FunctionCall:
         return self

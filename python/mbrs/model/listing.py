@@ -11,7 +11,7 @@ from .._lib.text import Block, number, without_rounding
 from .book import Book
 from .describe import describe
 from .expressions import Expression
-from .motions import TimeFunction
+from .motions import UserFunction
 from .schema import UNITS
 
 __all__ = ["blocks"]
@@ -109,7 +109,7 @@ def _text(value: Any) -> Any:
     """Numbers short, an expression with its value, a law or a motion by its type."""
     if isinstance(value, Expression):
         return f"{value} = {number(value.value, _DIGITS)}"
-    if isinstance(value, TimeFunction):
+    if isinstance(value, UserFunction):
         return str(value)
     if isinstance(value, Mapping):
         kind = value.get("type", "")

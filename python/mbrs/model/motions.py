@@ -208,14 +208,33 @@ def check_function_name(name: str) -> None:
         raise ModelError(f"{shown(name)} does not name a function; write 'module:function'")
 
 
-class TimeFunction:
+class UserFunction:
+    """A function of the user on paper: a file needs the name by which it comes back, a table shows what there is."""
+
+    def __init__(self, function: Callable[..., Any] | FunctionName, where: str, arguments: str) -> None:
+        self.function, self.where, self.arguments = function, where, arguments
+
+    @property
+    def name(self) -> str:
+        """``module:name``, by which the function comes back from a file."""
+        return name_of(self.function, self.where)
+
+    def __str__(self) -> str:
+        """The name, also of one that a file cannot hold."""
+        if isinstance(self.function, FunctionName):
+            return self.function.name
+        return f"{getattr(self.function, '__name__', type(self.function).__name__)}({self.arguments})"
+
+
+class TimeFunction(UserFunction):
     """A Python function of t with what the core needs: floats, checked, and errors that name their owner.
 
     ``outputs``: 0 for a drive (value, or value, rate and acceleration), 1 for one number, 3 for a vector.
     """
 
     def __init__(self, function: Callable[[float], Any] | FunctionName, where: str, outputs: int) -> None:
-        self.function, self.where, self.outputs = function, where, outputs
+        super().__init__(function, where, "t")
+        self.outputs = outputs
 
     def check_callable(self) -> None:
         """Raise where only the name of the function is known."""
@@ -265,17 +284,6 @@ class TimeFunction:
         if not np.all(np.isfinite(flat)):
             raise problem(self.where, f"has a function that returned {shown(made)} at t = {t:.9g} s; it must be finite")
         return [float(v) for v in flat]
-
-    @property
-    def name(self) -> str:
-        """``module:name``, by which the function comes back from a file."""
-        return name_of(self.function, self.where)
-
-    def __str__(self) -> str:
-        """The name, also of one that a file cannot hold."""
-        if isinstance(self.function, FunctionName):
-            return self.function.name
-        return f"{getattr(self.function, '__qualname__', type(self.function).__name__)}(t)"
 
     def __reduce__(self) -> tuple[Any, ...]:
         if isinstance(self.function, FunctionName):

@@ -23,7 +23,7 @@ from .expressions import Expression
 from .grammar import GrammarError, parse
 from .law_items import SavedCall, SavedFunction, SavedLaw
 from .locate import Places
-from .motions import TYPES, FunctionName, TimeFunction, resolve
+from .motions import TYPES, FunctionName, UserFunction, resolve
 from .names import nearest, problem, shown
 from .numbers import shape_of
 from .schema import Kind
@@ -86,7 +86,7 @@ def _string(text: str) -> str:
 def _value(value: Any) -> str:
     if isinstance(value, Expression):
         return _string(str(value))
-    if isinstance(value, TimeFunction):
+    if isinstance(value, UserFunction):
         return _string(value.name)
     if isinstance(value, bool):
         return "true" if value else "false"
