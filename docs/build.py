@@ -15,8 +15,12 @@ TARGET = ROOT / "target"
 CASES = [
     "tests/manual",
     "tests/truth/test_rolling.py",
-    "tests/aero/test_wings.py",
+    "tests/linear/test_modes_in_wind.py",
+    "tests/aero/test_dynamic_stall.py",
+    "tests/aero/test_filaments.py",
     "tests/aero/test_momentum.py",
+    "tests/aero/test_wakes.py",
+    "tests/aero/test_wings.py",
     "tests/motion/test_nonholonomic.py",
 ]
 
