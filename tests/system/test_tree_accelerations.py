@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import jitter
 import mbrs as mb
 import numpy as np
 import pytest
@@ -29,7 +30,7 @@ def test_random_trees_accelerate_as_the_reference_says(seed):
     apart = np.abs(found - expected).max() / np.abs(expected).max()
     print(f"{len(expected)} coordinates: {apart:.1e}")
     assert counts["tree recursions"] > 0 and "mass factorisations" not in counts
-    assert apart < 1e-12
+    assert apart < 1e-12 + 10 * jitter.level()
 
 
 def coaxial(shift):
