@@ -307,7 +307,7 @@ mod tests {
     #[test]
     fn a_polynomial_of_its_order_is_continued_exactly() {
         let s = [0.0, -0.31, -0.47, -1.13, -1.29, -1.9];
-        let polynomial = |order: usize, s: f64| (0..=order).fold(0.3, |y, k| y * s + 1.7 - 0.6 * k as f64);
+        let polynomial = |order: usize, s: f64| (0..order).fold(0.3, |y, k| y * s + 1.7 - 0.6 * k as f64);
         for order in 1..=5 {
             let points = |degree: usize| -> Vec<Vec<f64>> {
                 s[..=order].iter().map(|s| vec![polynomial(degree, *s), -2.0 * polynomial(order, *s)]).collect()
