@@ -70,6 +70,16 @@ def sized_array(name: str, value: Any, largest: float = 1e60) -> np.ndarray:
     return array
 
 
+def each(name: str, value: Any, n: int, things: str) -> np.ndarray:
+    """One real number for each of ``n`` things, of which a single number is the same for all."""
+    array = real_array(name, value)
+    if array.ndim == 0:
+        return np.full(n, float(array))
+    if array.shape != (n,):
+        raise ModelError(f"{name} must be one number or one for each of {n} {things}, its shape is {array.shape}")
+    return array
+
+
 def complex_array(name: str, value: Any) -> np.ndarray:
     """An array of finite numbers, real or complex, of any shape."""
     try:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from .._lib.checks import count, real_array, shown
+from .._lib.checks import count, each, real_array, shown
 from ..errors import ModelError
 from .polars import Polar
 
@@ -203,13 +203,13 @@ def blade(
     if np.any(np.diff(x) <= 0.0):
         i = int(np.argmax(np.diff(x) <= 0.0)) + 1
         raise ModelError(f"{what}: the stations must increase, station {i + 1} ({x[i]:g} m) follows {x[i - 1]:g} m")
-    c = _each(f"{what}: chord", chord, len(x))
+    c = each(f"{what}: chord", chord, len(x), "stations")
     bad = c < 0.0
     bad[1:-1] |= c[1:-1] == 0.0
     if np.any(bad) or not np.any(c):
         i = int(np.argmax(bad))
         raise ModelError(f"{what}: the chord must be positive, at station {i + 1} ({x[i]:g} m) it is {c[i]:g} m")
-    centre = _each(f"{what}: aerodynamic_center", aerodynamic_center, len(x))
+    centre = each(f"{what}: aerodynamic_center", aerodynamic_center, len(x), "stations")
     if np.any((centre < 0.0) | (centre > 1.0)):
         raise ModelError(
             f"{what}: aerodynamic_center is a fraction of the chord from 0 to 1, it is {shown(aerodynamic_center)}"
@@ -217,7 +217,9 @@ def blade(
     polars, shares, thick = _polars(what, polar, thickness, len(x))
     origin, at = (float(real_array(f"{what}: {n}", v)) for n, v in (("root", root), ("line", line)))
     n = count(f"{what}: sections", sections, 400, 2)
-    return Blade(x, c, _each(f"{what}: twist", twist, len(x)), centre, polars, shares, thick, body, origin, at, n)
+    return Blade(
+        x, c, each(f"{what}: twist", twist, len(x), "stations"), centre, polars, shares, thick, body, origin, at, n
+    )
 
 
 def strips(first: float, last: float, n: int) -> tuple[np.ndarray, np.ndarray]:
@@ -238,38 +240,28 @@ def _take_polar(known: list[dict[str, Any]], polar: Polar) -> str:
     return str(known[-1]["name"])
 
 
-def _each(name: str, value: Any, n: int) -> np.ndarray:
-    """A number per station."""
-    array = real_array(name, value)
-    if array.ndim == 0:
-        return np.full(n, float(array))
-    if array.shape != (n,):
-        raise ModelError(f"{name} must be one number or one for each of the {n} stations, its shape is {array.shape}")
-    return array
-
-
 def _polars(what: str, given: Any, thickness: Any, n: int) -> tuple[tuple[Polar, ...], np.ndarray, np.ndarray | None]:
-    each = (given,) if isinstance(given, Polar) else tuple(given) if isinstance(given, Sequence) else ()
-    if not each or not all(isinstance(p, Polar) for p in each):
+    several = (given,) if isinstance(given, Polar) else tuple(given) if isinstance(given, Sequence) else ()
+    if not several or not all(isinstance(p, Polar) for p in several):
         raise ModelError(f"{what}: polar must be what mb.aero.polar gives, or a list of these; it is {shown(given)}")
     if thickness is None:
-        if len(each) not in (1, n):
+        if len(several) not in (1, n):
             raise ModelError(
-                f"{what}: there are {len(each)} polars for {n} stations; give one, one per station, or thickness= to choose by"
+                f"{what}: there are {len(several)} polars for {n} stations; give one, one per station, or thickness= to choose by"
             )
-        known = tuple(dict.fromkeys(each))
-        shares = np.array([[float(q is p) for q in known] for p in (each * n if len(each) == 1 else each)])
+        known = tuple(dict.fromkeys(several))
+        shares = np.array([[float(q is p) for q in known] for p in (several * n if len(several) == 1 else several)])
         return known, shares, None
-    absent = [p.name for p in each if p.thickness is None]
+    absent = [p.name for p in several if p.thickness is None]
     if absent:
         raise ModelError(
             f"{what}: the polar {absent[0]!r} has no thickness to be chosen by; give thickness= to mb.aero.polar"
         )
-    known = tuple(sorted(each, key=lambda p: p.thickness or 0.0))
+    known = tuple(sorted(several, key=lambda p: p.thickness or 0.0))
     t = np.array([p.thickness for p in known])
     if np.any(np.diff(t) <= 0.0):
         raise ModelError(f"{what}: two polars have the same thickness {t[int(np.argmax(np.diff(t) <= 0.0))]:g}")
-    thick = _each(f"{what}: thickness", thickness, n)
+    thick = each(f"{what}: thickness", thickness, n, "stations")
     outside = (thick < t[0]) | (thick > t[-1])
     if np.any(outside):
         i = int(np.argmax(outside))

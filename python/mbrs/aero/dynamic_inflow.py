@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from .._lib.checks import choice, count, real_array, shown
+from .._lib.checks import choice, count, each, real_array, shown
 from ..errors import ModelError
 from ..results import Result, Stats, quantity, result
 from .lags import lagged
@@ -137,7 +137,8 @@ def rotor_response(
     m = count("rotor_response: elements", elements, 10000, 8)
     if m % 2:
         raise ModelError(f"rotor_response: elements must be even, it is {m}")
-    given = [_each(name, v, len(when)) for name, v in (("wind", wind), ("speed", speed), ("pitch", pitch))]
+    courses = (("wind", wind), ("speed", speed), ("pitch", pitch))
+    given = [each(f"rotor_response: {name}", v, len(when), "times") for name, v in courses]
     if np.any(given[0] <= 0.0):
         raise ModelError(f"rotor_response: wind must be positive, it is {shown(wind)}")
     y, tau, rho = (_one(name, v) for name, v in (("yaw", yaw), ("tilt", tilt), ("density", density)))
@@ -183,15 +184,6 @@ def lagging(t: np.ndarray, quasi_steady: np.ndarray, first: np.ndarray, second: 
     rest = (1.0 - SHARE) * quasi_steady
     inner = lagged(h, rest, 0.5 * (first[1:] + first[:-1]))
     return lagged(h, inner + SHARE * quasi_steady, 0.5 * (second[1:] + second[:-1]))
-
-
-def _each(name: str, value: Any, n: int) -> np.ndarray:
-    array = real_array(f"rotor_response: {name}", value)
-    if array.ndim == 0:
-        return np.full(n, float(array))
-    if array.shape != (n,):
-        raise ModelError(f"rotor_response: {name} must be one number or one for each of {n} times, it is {array.shape}")
-    return array
 
 
 def _one(name: str, value: Any) -> float:

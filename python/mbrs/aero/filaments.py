@@ -8,7 +8,7 @@ import numpy as np
 
 from .. import _core
 from .._lib.border import core_errors
-from .._lib.checks import choice, count, real_array, shown
+from .._lib.checks import choice, count, each, real_array, shown
 from ..errors import ModelError
 
 __all__ = ["induced_velocity"]
@@ -78,7 +78,8 @@ def induced_velocity(
         raise ModelError(f"induced_velocity: points must end in three coordinates, their shape is {p.shape}")
     if a.ndim != 2 or a.shape[1] != 3 or b.shape != a.shape:
         raise ModelError(f"induced_velocity: start and end must both be (m, 3), they are {a.shape} and {b.shape}")
-    strength, radius = _each("circulation", circulation, len(a)), _each("core_radius", core_radius, len(a))
+    given = (("circulation", circulation), ("core_radius", core_radius))
+    strength, radius = (each(f"induced_velocity: {name}", v, len(a), "filaments") for name, v in given)
     if np.any(radius < 0.0):
         raise ModelError(f"induced_velocity: core_radius must not be negative, it is {radius.min():g} m")
     n = real_array("induced_velocity: exponent", exponent)
@@ -90,14 +91,3 @@ def induced_velocity(
     with core_errors():
         found = _core.induced_velocity(flat, a, b, strength, radius, core, float(n), int(threads))
     return found.reshape(p.shape)
-
-
-def _each(name: str, value: Any, m: int) -> np.ndarray:
-    array = real_array(f"induced_velocity: {name}", value)
-    if array.ndim == 0:
-        return np.full(m, float(array))
-    if array.shape != (m,):
-        raise ModelError(
-            f"induced_velocity: {name} must be one number or one for each of {m} filaments, it is {array.shape}"
-        )
-    return array

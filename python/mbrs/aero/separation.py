@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from .._lib.checks import real_array, shown
+from .._lib.checks import each, real_array, shown
 from ..errors import ModelError
 from ..results import Result, Stats, quantity, result
 from .lags import lagged
@@ -163,8 +163,8 @@ def dynamic_stall(polar: Polar, t: Any, angle: Any, speed: Any, chord: float, *,
     when = real_array("dynamic_stall: t", t)
     if when.ndim != 1 or len(when) < 3 or np.any(np.diff(when) <= 0.0):
         raise ModelError(f"dynamic_stall: t must be at least three times that increase, it is {shown(t)}")
-    a, u = (_each(name, v, len(when)) for name, v in (("angle", angle), ("speed", speed)))
-    c, chords = (_each(name, v, 1)[0] for name, v in (("chord", chord), ("lag", lag)))
+    a, u = (each(f"dynamic_stall: {name}", v, len(when), "times") for name, v in (("angle", angle), ("speed", speed)))
+    c, chords = (each(f"dynamic_stall: {name}", v, 1, "sections")[0] for name, v in (("chord", chord), ("lag", lag)))
     if np.any(u <= 0.0) or c <= 0.0 or chords <= 0.0:
         raise ModelError("dynamic_stall: speed, chord and lag must be positive")
     if not np.all(polar.covers(a)):
@@ -188,12 +188,3 @@ def dynamic_stall(polar: Polar, t: Any, angle: Any, speed: Any, chord: float, *,
         stats=Stats(time.perf_counter() - start, {"steps": len(when) - 1}, route="lag of the separation"),
         error=float(np.max(np.abs(lift[::2] - coarse)) / size) if size else 0.0,
     )
-
-
-def _each(name: str, value: Any, n: int) -> np.ndarray:
-    array = real_array(f"dynamic_stall: {name}", value)
-    if array.ndim == 0:
-        return np.full(n, float(array))
-    if array.shape != (n,):
-        raise ModelError(f"dynamic_stall: {name} must be one number or one for each of {n} times, it is {array.shape}")
-    return array
