@@ -50,6 +50,7 @@ __all__ = [
     "motion_air",
     "motion_breaks",
     "motion_directions",
+    "motion_quadrature",
     "motion_of_element",
     "motion_of_joint",
     "motion_quantities",
@@ -237,6 +238,7 @@ def motion_breaks(system: System, start: float) -> list[float]: ...
 def motion_directions(
     system: System, q: _F1, rate: _F1, without: Sequence[str], options: dict[str, Any]
 ) -> dict[str, Any]: ...
+def motion_quadrature(scheme: str) -> tuple[float, float, list[tuple[float, float]]]: ...
 def motion_of_element(
     system: System, element: int, t: _F1, q: _F2, rate: _F2, memory: _F2, without: Sequence[str]
 ) -> _F3: ...

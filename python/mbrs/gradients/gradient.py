@@ -46,7 +46,7 @@ if TYPE_CHECKING:
 # gradients of two step sizes that differ by more than this (relative) have not begun to converge
 _UNRELATED = 0.3
 METHODS = ("direct", "adjoint", "auto")
-SCHEMES = ("ali3p", "generalized-alpha")
+SCHEMES = ("explicit", "ali3p", "generalized-alpha")
 _READINGS = 20
 
 
@@ -292,7 +292,7 @@ def prepare(
         marks = np.array(sorted({*(x for x in through if x > state.t), end}))
         traj = simulate(m, marks, rtol=1e-7 if rtol is None else rtol, at=state, without=without, **_as_method(kind))
         times = _with_marks(traj.steps, marks)
-    return Run(m, snapshot, state, without, times, **kind)
+    return Run(m, snapshot, state, without, times, inner=any(isinstance(o, Integral) for o in objectives), **kind)
 
 
 def _with_marks(steps: np.ndarray, marks: np.ndarray) -> np.ndarray:
@@ -304,9 +304,10 @@ def _with_marks(steps: np.ndarray, marks: np.ndarray) -> np.ndarray:
 
 
 def _as_method(kind: dict[str, Any]) -> dict[str, Any]:
-    if kind["scheme"] == "ali3p":
-        return {"method": "ali3p"}
-    return {"method": kind["scheme"], "rho": kind["rho"]}
+    scheme = kind["scheme"]
+    return {"method": scheme} | {
+        "explicit": {"coordinates": "tree"}, "ali3p": {}, "generalized-alpha": {"rho": kind["rho"]}
+    }[scheme]
 
 
 def _reader(run: Run) -> Reader:
@@ -315,7 +316,7 @@ def _reader(run: Run) -> Reader:
 
 def _read(run: Run, objectives: Sequence[Objective], reader: Reader) -> None:
     """Quantities that the objectives read at the start: values are fetched one by one until they are content."""
-    short = replace(run, times=run.times[:1])
+    short = replace(run, times=run.times[:1], inner=False)
     for _ in range(10 * _READINGS):
         row = short.direct(list(reader.places), None)["values"][0] if reader.places else np.zeros(0)
         try:
@@ -344,11 +345,13 @@ def _try(objective: Objective, reader: Reader, times: np.ndarray, row: np.ndarra
 def _direct(run: Run, objectives: Sequence[Objective], along: Directions) -> Found:
     reader = _reader(run)
     _read(run, objectives, reader)
-    run = replace(run, read=np.any([o.weights(run.times) != 0.0 for o in objectives], axis=0).tolist())
+    nodes = run.nodes
+    needed = np.any([o.weights(nodes) != 0.0 for o in objectives], axis=0)
+    run = replace(run, read=needed[: nodes.n_ends].tolist())
     for _ in range(_READINGS):
         made = run.direct(list(reader.places), along)
         try:
-            found = [evaluate(o, reader, made["t"], made["values"]) for o in objectives]
+            found = [evaluate(o, reader, nodes, made["values"]) for o in objectives]
             break
         except NewReading as new:
             reader.add(new.asked)
@@ -403,7 +406,7 @@ def _adjoint(run: Run, objectives: Sequence[Objective], along: Directions) -> Fo
                 run.options(list(reader.places), along),
             )
         try:
-            found = [evaluate(o, reader, run.times, forward.values()) for o in objectives]
+            found = [evaluate(o, reader, run.nodes, forward.values()) for o in objectives]
             break
         except NewReading as new:
             reader.add(new.asked)
