@@ -1,6 +1,6 @@
 """Every number of every kind of joint, element, law, load and drive: derivatives of a short motion against differences.
 
-Both schemes walk through all scenes, in four steps of three lengths: generalised-alpha shifts its acceleration where they change.
+All schemes walk through all scenes, in four steps of three lengths: generalised-alpha shifts its acceleration where they change.
 Differences go along dx/dp through the assembly, the start and all steps of the production code, so that axes and orientations are
 checked as well; the adjoint is compared with the direct result for all numbers at once.
 """
@@ -50,7 +50,7 @@ def values(m, x, asked, scheme):
     return run_of(m, x, scheme).direct(asked, None)["values"][-1]
 
 
-PAIRS = [(name, scheme) for name in SCENES for scheme in ("ali3p", "generalized-alpha")]
+PAIRS = [(name, scheme) for name in SCENES for scheme in ("ali3p", "generalized-alpha", "explicit")]
 
 
 @pytest.mark.slow

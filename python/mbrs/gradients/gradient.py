@@ -43,6 +43,8 @@ if TYPE_CHECKING:
     from ..model.model import Model
     from ..system.state import StateLike
 
+# order of the error of a gradient, or a little less: its estimate divides by a power of two of it
+_ORDERS = {"explicit": 7, "ali3p": 2, "generalized-alpha": 2}
 # gradients of two step sizes that differ by more than this (relative) have not begun to converge
 _UNRELATED = 0.3
 METHODS = ("direct", "adjoint", "auto")
@@ -94,7 +96,8 @@ def gradient(
     step, rtol
         s, fixed steps (equal, at most so long, ending at t); or a tolerance that chooses them first. 1e-7 if neither is given.
     scheme
-        "ali3p" or "generalized-alpha", with the discrete solution that `mb.simulate` has by that method and those steps.
+        "explicit" (order 8, for scenes that are not stiff), "ali3p" or "generalized-alpha" (order 2), with the discrete solution
+        that `mb.simulate` has by that method and those steps; "explicit" in tree coordinates.
     method
         "direct": one tangent linear model per parameter along with the motion. "adjoint": the steps backwards, once per
         objective. "auto": by their numbers.
@@ -135,10 +138,13 @@ def gradient(
 
     Notes
     -----
-    Equations: docs/theory.md (20.1) to (20.8).
+    Equations: docs/theory.md (20.1) to (20.9).
     Direct: O(n_p) tangent steps; adjoint: O(1) in n_p. Sources: ALI3-P after Dopico and co-workers; generalised-alpha after
     O. Bruels, A. Cardona and M. Arnold, Mech. Mach. Theory 48 (2012) 121-137. Its Newton iterations are taken as converged, by
-    which the derivative differs from that of every iterate by less than 1e-9 h^2 |a| of a step.
+    which the derivative differs from that of every iterate by less than 1e-9 h^2 |a| of a step. The explicit scheme is that of
+    order 8 by Dormand and Prince (E. Hairer, S. P. Norsett, G. Wanner, Solving Ordinary Differential Equations I, 2nd edition,
+    Springer 1993); with closed loops the derivative of the projection at the end of a step leaves out terms of the size of the
+    projection itself.
 
     Examples
     --------
@@ -154,7 +160,7 @@ def gradient(
     if scheme not in SCHEMES:
         raise ModelError(
             f"scheme={scheme!r} has no sensitivities; those that have are "
-            f"{' and '.join(f'scheme={name!r}' for name in SCHEMES)} (mb.simulate runs them as method=)"
+            f"{', '.join(f'scheme={name!r}' for name in SCHEMES)} (mb.simulate runs them as method=)"
         )
     if method not in METHODS:
         raise ModelError(f"method= is one of {', '.join(map(repr, METHODS))}, got {shown(method)}")
@@ -207,7 +213,7 @@ def _with_growth(made: MotionGradient, read: np.ndarray) -> MotionGradient:
 
 
 def _estimated(made: MotionGradient, run: Run, objectives: Sequence[Objective], along: Directions) -> float | None:
-    """The difference to steps twice as long, of a scheme of order two; of order one where it passes kinks."""
+    """The difference to steps twice as long, by the order of the scheme; of order one where it passes kinks."""
     m = run.model
     if len(run.times) < 3 or run.snapshot.versions != (m.structure_version, m.values_version):
         return None
@@ -220,7 +226,7 @@ def _estimated(made: MotionGradient, run: Run, objectives: Sequence[Objective], 
     miss = np.abs(coarse - fine).max(axis=1)
     found = float(np.max(miss[size > 0.0] / size[size > 0.0], initial=0.0))
     # too far apart for an order to show: the difference itself is what is known
-    return found if made.kinks or found > _UNRELATED else found / 3.0
+    return found if made.kinks or found > _UNRELATED else found / (2.0 ** _ORDERS[run.scheme] - 1.0)
 
 
 def _variant(scheme: str, weight: str | None, rho: float | None) -> dict[str, Any]:
@@ -306,7 +312,9 @@ def _with_marks(steps: np.ndarray, marks: np.ndarray) -> np.ndarray:
 def _as_method(kind: dict[str, Any]) -> dict[str, Any]:
     scheme = kind["scheme"]
     return {"method": scheme} | {
-        "explicit": {"coordinates": "tree"}, "ali3p": {}, "generalized-alpha": {"rho": kind["rho"]}
+        "explicit": {"coordinates": "tree"},
+        "ali3p": {},
+        "generalized-alpha": {"rho": kind["rho"]},
     }[scheme]
 
 

@@ -91,9 +91,7 @@ class Run:
             return Nodes(t, len(t), weights)
         c, b = np.array(inside).T
         inner = t[:-1, None] + dt[:, None] * c
-        return Nodes(
-            np.concatenate([t, inner.ravel()]), len(t), np.concatenate([weights, (dt[:, None] * b).ravel()])
-        )
+        return Nodes(np.concatenate([t, inner.ravel()]), len(t), np.concatenate([weights, (dt[:, None] * b).ravel()]))
 
     def options(self, asked: Sequence[Asked], along: Directions | None) -> dict[str, Any]:
         """Arguments of the core."""
