@@ -28,6 +28,7 @@ def environment():
     return {**os.environ, "PYTHONPATH": os.pathsep.join(p for p in sys.path if p)}
 
 
+@pytest.mark.exact  # the process that is killed has no noise
 @pytest.mark.skipif(os.name != "posix", reason="SIGKILL")
 @pytest.mark.parametrize(
     "ending", [".nc", *(pytest.param(e, marks=pytest.mark.slow) for e in (".json", ".pkl", ".csv"))]
