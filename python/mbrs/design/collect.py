@@ -88,8 +88,7 @@ def _part(chunk: Chunk, wanted: np.ndarray) -> list[Chunk]:
     for name, column in chunk.columns.items():
         keep = np.isin(column.rows, inside)
         if keep.any():
-            sizes = np.prod(np.where(column.shapes < 0, 1, column.shapes), axis=1)
-            columns[name] = Column(column.rows[keep], column.shapes[keep], column.flat[np.repeat(keep, sizes)])
+            columns[name] = Column(column.rows[keep], column.shapes[keep], column.flat[np.repeat(keep, column.sizes())])
     return [replace(chunk, columns=columns)]
 
 
@@ -132,7 +131,7 @@ def _fill(full: np.ndarray, first: int, column: Column, ndim: int) -> None:
     if np.all(column.shapes == full.shape[1:]) and column.shapes.shape[1] == ndim:
         full[first + column.rows] = column.flat.reshape(len(column.rows), *full.shape[1:])
         return
-    sizes = np.prod(np.where(column.shapes < 0, 1, column.shapes), axis=1)
+    sizes = column.sizes()
     ends = np.cumsum(sizes)
     for row, shape, size, end in zip(column.rows, column.shapes, sizes, ends, strict=True):
         shape = shape[shape >= 0]
