@@ -121,7 +121,6 @@ def missed_resonances(
     suspects: Sequence[float],
     peaks: NDArray[np.complex128],
 ) -> list[float]: ...
-
 def is_strained(factor: _F2, shape: _F2, mass: _F2) -> bool: ...
 def sparse_model_modes(
     system: System, q: _F1, rate: _F1, without: Sequence[str], n: int, sigma: float | None = None

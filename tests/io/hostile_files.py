@@ -199,7 +199,9 @@ def whole(share):
             if int(last[3]):
                 print(f"{kind}, seed {first + 1}: {done.stdout}")
                 good = False
-        print(f"{kind}: {sum(sums[:2]) + sums[2]} files, {sums[0]} read, {sums[1]} refused, {sums[2]} wrong", flush=True)
+        print(
+            f"{kind}: {sum(sums[:2]) + sums[2]} files, {sums[0]} read, {sums[1]} refused, {sums[2]} wrong", flush=True
+        )
     return good
 
 

@@ -47,7 +47,7 @@ class _PythonDecides(Exception):
 
 @dataclass(frozen=True)
 class Output:
-    """An array of a design: its name, its shape (-1 where the number of modes stands), and whether it is complex."""
+    """An array of a design: its name, its shape (-1 for the number of modes), and whether it is complex."""
 
     name: str
     shape: tuple[int, ...]
@@ -69,8 +69,8 @@ class Block:
 
     def part(self, first: int, end: int) -> list[tuple[Output, np.ndarray, np.ndarray]]:
         """Each output of the designs from ``first`` to before ``end``, all of which were computed: shapes, and entries as they lie."""
-        counts, before = self.count[first:end], self.count[:first]
-        before = int(before[before > 0].sum())
+        counts = self.count[first:end]
+        before = int(np.maximum(self.count[:first], 0).sum())
         found = []
         for output, array in zip(self.outputs, self.arrays, strict=True):
             each = int(np.prod([m for m in output.shape if m >= 0], dtype=np.int64))

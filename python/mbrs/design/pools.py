@@ -124,7 +124,7 @@ class Threads(Here):
         self.workers = int(getattr(self._executor, "_max_workers", 1))
 
     def prepare(self, scene: Scene, names: tuple[str, ...]) -> None:
-        """Where the core computes whole chunks, one of them at a time goes to all threads."""
+        """Give all threads to one chunk at a time if the core computes whole chunks."""
         fast = scene.fast(names) if self._own else None
         if fast is not None and fast.decides:
             self.workers, self.threads = 1, self.workers

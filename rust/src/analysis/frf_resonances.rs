@@ -1,6 +1,8 @@
 //! Resonances of a transfer function, and those that a set of frequencies does not see.
 use faer::c64;
 
+use crate::linalg::dense::exceeds;
+
 /// Poles nearer to each other than this, relative, make one peak.
 const SAME_PEAK: f64 = 1e-9;
 /// A peak shows where it exceeds the values beside it by more than this factor.
@@ -38,7 +40,7 @@ pub fn missed(omega: &[f64], h: &[c64], suspects: &[f64], peaks: &[c64]) -> Vec<
         let entries = h.chunks_exact(omega.len()).zip(peaks.chunks_exact(suspects.len()));
         let mut hidden = entries.map(|(own, peak)| {
             let around = sides.iter().map(|i| own[*i].norm()).fold(0.0, f64::max);
-            !(peak[*s].norm() <= SHOWS * around)
+            exceeds(peak[*s].norm(), SHOWS * around)
         });
         hidden.any(|hidden| hidden)
     };
