@@ -39,6 +39,7 @@ def test_damaged_files_are_named_errors(kind, tmp_path):
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="limits of POSIX")
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", FOREIGN)
 def test_damaged_files_that_a_library_reads_are_named_errors(kind):
     """In a process of its own, with a limit of memory and of time."""
