@@ -304,7 +304,7 @@ def analyses(m):
     yield lambda: mb.equilibrium(m)
 
 
-@pytest.mark.parametrize("part", range(3))
+@pytest.mark.parametrize("part", [pytest.param(1, marks=pytest.mark.slow), 0, 2])
 def test_absurd_scales(part):
     """Results are finite or an error says in words why not."""
     refused = {}
@@ -383,7 +383,7 @@ def ratio(modes, M, D, S):
 
 
 @defect("rounding in the stiffness of a rigid direction makes roots of it")
-@pytest.mark.parametrize("part", range(10))
+@pytest.mark.parametrize("part", [pytest.param(n, marks=pytest.mark.slow if n % 3 else ()) for n in range(10)])
 def test_ten_thousand_random_models(part):
     """As many modes as degrees of freedom, ratio below 30, in every one."""
     largest, dofs = 0.0, 0
