@@ -97,3 +97,29 @@ def test_checkpoints_give_the_same():
     )
     assert parts.stats.counts["checkpoints"] > 1
     assert parts.gradient == pytest.approx(np.asarray(whole.gradient), rel=1e-12)
+
+
+def stiff(k):
+    """A pendulum whose rod is a spring: the motion is that of the pendulum, the vibration as fast as the spring is stiff."""
+    m = mb.Model("stiff", gravity=(0, 0, -9.81))
+    b = m.body("b", mass=1.0, inertia=(0.1, 0.1, 0.1), at=(1, 0, 0))
+    m.spring_damper("rod", m.ground, b, at=((0, 0, 0), (1, 0, 0)), k=k, c=0.01 * k**0.5)
+    return m
+
+
+@pytest.mark.parametrize(
+    ("k", "options", "scheme"),
+    [
+        (1e2, {"rtol": 1e-6}, "explicit"),
+        (1e2, {"step": 0.01}, "explicit"),
+        (1e4, {"step": 0.02}, "ali3p"),
+        (1e8, {"step": 0.01}, "ali3p"),
+    ],
+)
+def test_auto_takes_the_explicit_scheme_where_nothing_is_stiff(k, options, scheme):
+    m = silent(lambda: stiff(k))
+    psi = mb.Final(lambda s: s.position("b")[2])
+    found = mb.gradient(m, psi, ["b.mass", "rod.length"], t=0.5, scheme="auto", **options)
+    same = mb.gradient(m, psi, ["b.mass", "rod.length"], t=0.5, scheme=scheme, **options)
+    assert found.stats.route.startswith(scheme)
+    assert np.array_equal(found.gradient, same.gradient)

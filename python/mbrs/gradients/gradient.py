@@ -41,7 +41,7 @@ from .objectives import Evaluation, Integral, NewReading, Objective, Reader, eva
 
 if TYPE_CHECKING:
     from ..model.model import Model
-    from ..system.state import StateLike
+    from ..system.state import State, StateLike
 
 # order of the error of a gradient, or a little less: its estimate divides by a power of two of it
 _ORDERS = {"explicit": 7, "ali3p": 2, "generalized-alpha": 2}
@@ -97,7 +97,8 @@ def gradient(
         s, fixed steps (equal, at most so long, ending at t); or a tolerance that chooses them first. 1e-7 if neither is given.
     scheme
         "explicit" (order 8, for scenes that are not stiff), "ali3p" or "generalized-alpha" (order 2), with the discrete solution
-        that `mb.simulate` has by that method and those steps; "explicit" in tree coordinates.
+        that `mb.simulate` has by that method and those steps; "explicit" in tree coordinates. "auto": "explicit" where the motion
+        is not stiff and follows its fastest vibration (with ``step``: not faster than 1/step), else "ali3p".
     method
         "direct": one tangent linear model per parameter along with the motion. "adjoint": the steps backwards, once per
         objective. "auto": by their numbers.
@@ -157,7 +158,7 @@ def gradient(
     True
     """
     begin = time.perf_counter()
-    if scheme not in SCHEMES:
+    if scheme not in (*SCHEMES, "auto"):
         raise ModelError(
             f"scheme={scheme!r} has no sensitivities; those that have are "
             f"{', '.join(f'scheme={name!r}' for name in SCHEMES)} (mb.simulate runs them as method=)"
@@ -194,7 +195,7 @@ def gradient(
             time.perf_counter() - begin,
             found.counts,
             tuple(e.name for e in effects(m) if e.on and e.name not in run.without),
-            f"{scheme}, {chosen}, {len(run.times) - 1} steps",
+            f"{run.scheme}, {chosen}, {len(run.times) - 1} steps",
         ),
     )
     return _with_growth(made, found.read)
@@ -286,6 +287,8 @@ def prepare(
     through = [min(max(x, state.t), end) for o in objectives for x in o.times]
     if step is not None and rtol is not None:
         raise ModelError("give rtol= (steps chosen first) or step= (fixed steps), not both")
+    if kind["scheme"] == "auto":
+        kind["scheme"] = _scheme(snapshot, state, without, end, step)
     if end == state.t:
         times = np.array([end])
     elif step is not None:
@@ -299,6 +302,16 @@ def prepare(
         traj = simulate(m, marks, rtol=1e-7 if rtol is None else rtol, at=state, without=without, **_as_method(kind))
         times = _with_marks(traj.steps, marks)
     return Run(m, snapshot, state, without, times, inner=any(isinstance(o, Integral) for o in objectives), **kind)
+
+
+def _scheme(snapshot: Snapshot, state: State, without: tuple[str, ...], end: float, step: float | None) -> str:
+    """The scheme that is accurate at the least cost."""
+    fixed = None if step is None else finite("step", step, np.finfo(float).tiny)
+    with core_errors():
+        explicit = _core.motion_is_explicit(
+            snapshot.system, state.q, state.rate, state.memory.tolist(), list(without), (state.t, end), fixed
+        )
+    return "explicit" if explicit else "ali3p"
 
 
 def _with_marks(steps: np.ndarray, marks: np.ndarray) -> np.ndarray:

@@ -12,6 +12,7 @@ use crate::analysis::gradient::march::{Quadrature, Rule};
 use crate::analysis::gradient::quantity::{Drawn, Quantity, check};
 use crate::analysis::gradient::{Direction, Follow, Plan, first};
 use crate::analysis::transient::ali3p::Weight;
+use crate::analysis::transient::methods::explicit_serves;
 use crate::analysis::transient::{Equations, Instant, Motion};
 use crate::error::{Error, Result};
 use crate::run::Counts;
@@ -24,6 +25,7 @@ pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<MotionForward>()?;
     module.add_function(wrap_pyfunction!(motion_breaks, module)?)?;
     module.add_function(wrap_pyfunction!(motion_quadrature, module)?)?;
+    module.add_function(wrap_pyfunction!(motion_is_explicit, module)?)?;
     module.add_function(wrap_pyfunction!(motion_directions, module)?)
 }
 
@@ -148,6 +150,27 @@ fn motion_quadrature(scheme: &str) -> (f64, f64, Vec<(f64, f64)>) {
     let rule = if scheme == "explicit" { Rule::Explicit } else { Rule::Alpha(1.0) };
     let Quadrature { ends: [first, last], inner } = rule.quadrature();
     (first, last, inner)
+}
+
+/// Does the explicit scheme serve a motion from this state to `end`, with fixed steps of length `step` if one is given?
+#[pyfunction]
+#[pyo3(signature = (system, q, rate, memory, without, span, step=None))]
+fn motion_is_explicit<'py>(
+    system: PyRef<'py, PySystem>,
+    q: PyReadonlyArray1<'py, f64>,
+    rate: PyReadonlyArray1<'py, f64>,
+    memory: Vec<f64>,
+    without: Vec<String>,
+    span: (f64, f64),
+    step: Option<f64>,
+) -> PyResult<bool> {
+    let system = &system.0;
+    let mut state = state_of(system, &q, &rate)?;
+    state.rate.resize(system.n_tree(), 0.0);
+    let memory = if memory.len() == system.topology.n_memory { memory } else { system.topology.at_rest(&[]) };
+    let start = Motion { t: span.0, q: state.q, rate: state.rate, memory };
+    let eq = Equations::new(system, system.x.to_vec(), effects(&without)?);
+    Ok(explicit_serves(&eq, start, span.1, step, &mut Counts::default())?)
 }
 
 /// Times after `start` at which a load or a drive is not smooth: a step ends there.
