@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 import warnings
 from concurrent.futures import ThreadPoolExecutor
 
@@ -323,6 +325,33 @@ def test_what_is_done_before_an_interrupt_is_kept(monkeypatch):
     done = caught.value.result.done
     assert blocks[0] == 30 and 3 <= done.sum() < 30 and done[: done.sum()].all()
     assert np.array_equal(caught.value.result["frequency"][done], whole["frequency"][done])
+
+
+MILLION = """
+import resource, sys
+import mbrs as mb
+import numpy as np
+m = mb.Model("one")
+a = m.body("a", mass=1.3, inertia=(0.1, 0.1, 0.1), at=(0.2, 0.1, 0.0))
+m.prismatic("rail", m.ground, a, at=(0.2, 0.1, 0.0), axis=(0.3, -0.5, 0.81), k=m.parameter("k", 310.0))
+k = np.linspace(200.0, 900.0, 10**6)
+outputs = mb.outputs.modes(sensitivities=["k"])
+for _ in range(2):
+    runs = mb.sweep(m, mb.design.from_table({"k": k}), outputs, executor=2, store=sys.argv[1])
+    assert runs.done.all()
+    assert np.abs(runs["frequency"][:, 0] * (2 * np.pi) - np.sqrt(k / 1.3)).max() < 1e-9
+print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform != "linux", reason="kilobytes of resident memory are those of Linux")
+def test_a_million_designs_take_less_than_a_gigabyte(tmp_path):
+    done = subprocess.run(
+        [sys.executable, "-c", MILLION, str(tmp_path / "runs")], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr[-2000:]
+    assert int(done.stdout) < 1e6
 
 
 def test_what_only_python_knows_goes_its_way():

@@ -16,6 +16,8 @@ from typing import Any, Protocol
 import numpy as np
 
 from ..errors import ModelError
+from ..model.addresses import adopt, target
+from ..model.model import Model
 from .fast import Block, FastPlan, fast_plan
 from .limit import OutOfTime, time_limit
 from .outputs import Analysis
@@ -196,6 +198,7 @@ class _Results:
         # outputs by Python, design by design, and by the core
         self._rows: list[tuple[int, dict[str, np.ndarray]]] = []
         self._parts: dict[str, list[Column]] = {}
+        self._pattern = _pattern(task)
         # None until the first remark: is it an error (by a filter of warnings)?
         self._remark_fails: bool | None = None
 
@@ -209,7 +212,7 @@ class _Results:
     def single(self) -> None:
         """The next design, by Python."""
         i, start = len(self.status), time.perf_counter()
-        found = _one(self._task, self._task.values[i])
+        found = _one(self._task, self._task.values[i], self._pattern)
         seconds = time.perf_counter() - start
         if isinstance(found, Failure):
             self.failures.append(Failure(self._task.first + i, found.error, found.object, found.message))
@@ -252,14 +255,29 @@ class _Results:
     def _fails(self, i: int) -> bool:
         """Let Python say what there is to say of a design, once; whether it makes the design fail."""
         if self._remark_fails is None:
-            self._remark_fails = isinstance(_one(self._task, self._task.values[i]), Failure)
+            self._remark_fails = isinstance(_one(self._task, self._task.values[i], self._pattern), Failure)
         return self._remark_fails
 
 
-def _one(task: Task, row: np.ndarray) -> dict[str, np.ndarray] | Failure:
+def _pattern(task: Task) -> Model | None:
+    """A model that knows the names of the designs, for its copies to take over; None where that is left to each of them."""
+    try:
+        model = task.scene.model()
+        if isinstance(model, Model):
+            for name in task.names:
+                target(model, name)
+            return model
+    except Exception:  # a failure of each design
+        pass
+    return None
+
+
+def _one(task: Task, row: np.ndarray, pattern: Model | None) -> dict[str, np.ndarray] | Failure:
     try:
         with time_limit(task.limit):
             model = task.scene.model()
+            if pattern is not None:
+                adopt(model, pattern)
             model.set(dict(zip(task.names, row.tolist(), strict=True)))
             return checked(task.scene.outputs(model))
     except OutOfTime:
