@@ -82,7 +82,7 @@ class Run:
 
     @property
     def nodes(self) -> Nodes:
-        """Where quantities are read."""
+        """Instants at which quantities are read, with the weights of an integral."""
         t, dt = self.times, np.diff(self.times)
         first, last, inside = _core.motion_quadrature(self.scheme)
         weights = np.zeros(len(t))
