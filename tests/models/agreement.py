@@ -7,8 +7,7 @@ from mbrs import reference as ref
 from mbrs.linear.linearize import linearize
 from mbrs.model.tables import tables
 from mbrs.reference.assembly import close_loops, jacobian, partition, twist_map
-from mbrs.reference.kinematics import motion, place_outer, relative_pose
-from mbrs.reference.linearize import split
+from mbrs.reference.kinematics import motion, place_outer, relative_pose, split
 from mbrs.system.compiled import compiled
 from mbrs.system.snapshot import Snapshot
 from mbrs.system.state import AT_REST, State, state_of
@@ -107,8 +106,7 @@ def held(m, state, keep=None):
         r, R = np.zeros((sys.nb, 3), sys.x.dtype), np.zeros((sys.nb, 3, 3), sys.x.dtype)
         for t, (u0, _), (u, turn) in zip(sys.tree, before, now, strict=True):
             moved = relative_pose(t, *drawn_pose(sys))[0] - u0
-            free = [k for _, kind, _, k in t.coordinates if kind == "t"]
-            place_outer(t, r, R, u + np.where(np.isin(np.arange(3), free), moved, 0.0), turn)
+            place_outer(t, r, R, u + np.where(np.isin(np.arange(3), t.translations), moved, 0.0), turn)
         zero = np.zeros((sys.nb, 3))
         still = close_loops(sys, ref.State(r, R, zero, zero))
         if not state.moving:

@@ -50,7 +50,7 @@ def turned_increment(sys: System, dy: Array, h: float, v0: Array, v1: Array) -> 
     """
     parts, place = [], 0
     for t in sys.tree:
-        if t.link.kind in ("spherical", "free"):
+        if t.turns_freely:
             last = slice(t.stop - 3, t.stop)
             parts += [dy[place : t.stop - 3], dy[last] - t.sign * h * h / 12 * np.cross(v0[last], v1[last])]
             place = t.stop
@@ -68,9 +68,9 @@ def difference(sys: System, start: State, end: State) -> Array:
             out += _universal(t, R0, R1)
             continue
         turn = so3.log(R1 @ R0.T)
-        out += [t.sign * (u1[k] - u0[k] if kind == "t" else turn[k]) for _, kind, _, k in t.coordinates]
+        out += [t.sign * (u1[k] - u0[k] if kind == "u" else turn[k]) for kind, k, _ in t.coordinates]
     for f in sys.flexible:
-        out += list(f.coordinates(end.r) - f.coordinates(start.r))
+        out += list(f.held(end.r) - f.held(start.r))
     return np.array(out)
 
 

@@ -15,7 +15,7 @@ import pytest
 from cranks import OSCILLATOR, crank
 from mbrs import reference as ref
 from mbrs.model.tables import directions, tables
-from mbrs.reference import hbm_balance, hbm_quasi_periodic, hbm_shooting
+from mbrs.reference import hbm_balance, hbm_shooting
 from mbrs.results import Result
 
 # Analyses that only run others, or arrange what these computed: what they run has a counterpart.
@@ -186,7 +186,7 @@ def torus(found):
         place = [tuple(k) for k in found.indices].index(tuple(np.eye(2, dtype=int)[number]))
         terms[1 + place] = tone["force"]
     off = found.X + 1e-4 * np.abs(found.X).max()
-    X = hbm_quasi_periodic.solve(DUFFING, terms, found.omega, found.indices, (32, 32), off)  # exact for a cubic
+    X = hbm_balance.quasi_periodic(DUFFING, terms, found.omega, found.indices, (32, 32), off)  # exact for a cubic
     return found.X, X
 
 

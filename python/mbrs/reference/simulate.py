@@ -15,14 +15,13 @@ import numpy as np
 
 from . import dynamics as dyn
 from .assembly import constraint_values, scales
-from .kinematics import State, System, advance
+from .kinematics import State, System, advance, twists_of
 from .linear import RANK_TOLERANCE
 from .motion import (
     Motion,
     energy,
     explicit_rates,
     increment_rates,
-    mass,
     positions,
     remember,
     tree_map,
@@ -96,7 +95,7 @@ def residual(sys: System, m: Motion, a: Array, lam: Array) -> Array:
 
 def mass_matrix(sys: System, m: Motion) -> Array:
     """M (ny, ny)."""
-    return mass(sys, m.state, tree_map(sys, m.state)[0].value)
+    return dyn.mass(sys, m.state, tree_map(sys, m.state)[0].value)
 
 
 def least_norm(A: Array, b: Array) -> Array:
@@ -155,7 +154,7 @@ def begin(sys: System, state: State, rate: Array | None = None) -> Instant:
     """A consistent start at t = 0 with sliders centred; rates from the state's velocities unless they are given."""
     sys.t = 0.0
     if rate is None:
-        rate = np.linalg.lstsq(tree_map(sys, state)[0].value, dyn.twists_of(state), rcond=None)[0]
+        rate = np.linalg.lstsq(tree_map(sys, state)[0].value, twists_of(state), rcond=None)[0]
     return consistent(sys, 0.0, Motion(state, np.asarray(rate, dtype=float), np.zeros(sys.n_memory)))
 
 
