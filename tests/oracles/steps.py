@@ -11,10 +11,11 @@ from typing import Any
 
 import numpy as np
 from mbrs.errors import ConvergenceError
+from mbrs.reference import dynamics as dyn
 from mbrs.reference import so3
 from mbrs.reference.assembly import scales
 from mbrs.reference.kinematics import State, System, advance, relative_pose
-from mbrs.reference.motion import Motion, increment_rates
+from mbrs.reference.motion import Motion, increment_rates, tree_map, with_rates
 from mbrs.reference.simulate import History, least_norm, mass_matrix
 from mbrs.reference.so3 import Array
 
@@ -26,6 +27,14 @@ class Steps(History):
     """Record of a scheme, step by step, with its number of Newton iterations."""
 
     iterations: int = 0
+
+
+def residual(sys: System, m: Motion, a: Array, lam: Array) -> Array:
+    """M a + h + J^T lam (ny,)."""
+    state = with_rates(sys, m)
+    T, Jt = tree_map(sys, state, moving=True)
+    twist_rates = T.derivative(1) @ m.rate + T.value @ a
+    return T.value.T @ dyn.applied_residual(sys, state, twist_rates, memory=m.memory) + Jt.value @ lam
 
 
 def row_scales(sys: System) -> Array:

@@ -58,7 +58,7 @@ class Forces:
             self.parts[body].append(force @ np.eye(3, 6) + moment @ np.eye(3, 6, 3))
 
     def add_pair(self, link: Link, p: jt.Pair, g: Jet) -> None:
-        """What a link exerts, of power g (1, 6) times its relative twist."""
+        """The wrenches of a link, of power g (1, 6) times its relative twist."""
         for marker, both in zip((link.a, link.b), p.forces(g), strict=True):
             self.add(marker.body, *both)
 

@@ -168,7 +168,7 @@ def _beta(R: Jet) -> Jet:
 
 
 def natural_value(link: Link) -> Any:
-    """Where the coordinate of a spring-damper or torsion spring counts from."""
+    """The value from which the coordinate of a spring-damper or torsion spring counts."""
     return link.length if link.kind in ("spring_damper", "torsion") else 0.0
 
 
