@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import mbrs as mb
 import numpy as np
 from mbrs import reference as ref
 from mbrs.linear.linearize import linearize
@@ -127,3 +128,15 @@ def all_addresses(m):
     """Every address of a model, one for each field of each object, and the parameters."""
     out = [f"{item.name}.{name}" for item in m.items.values() for name in item.fields()]
     return out + list(m.parameters) + (["gravity"] if m.gravity is not None else [])
+
+
+# results that `mb.compare` takes, of a model with a body to push and a marker "tip"
+ANALYSES = {
+    "linearize": lambda m, pushed: mb.linearize(m, at=mb.equilibrium(m)),
+    "modes": lambda m, pushed: mb.modes(m, at=mb.equilibrium(m)),
+    "equilibrium": lambda m, pushed: mb.equilibrium(m),
+    "frf": lambda m, pushed: mb.frf(
+        m, f"{pushed}.force.x", "tip.motion.y", frequency=np.linspace(0.1, 3.0, 7), at=mb.equilibrium(m)
+    ),
+    "simulate": lambda m, pushed: mb.simulate(m, t=0.7, rtol=1e-9),
+}

@@ -22,7 +22,10 @@ from .modes import modes as modes_of
 from .pairing import Pairing, pair
 
 if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
     from ..model.model import Model
+    from .aliases import Shapes
 
 # Modes that are less alike than this are not pairs. Too small: strangers are paired; too large: modes of a model that still has to be
 # updated have no partner.
@@ -37,7 +40,7 @@ _SAME_FACTOR = 0.15
 _AXES = ("x", "y", "z", "rx", "ry", "rz")
 
 
-def frac(a: Any, b: Any) -> np.ndarray:
+def frac(a: FrfResult | ArrayLike, b: FrfResult | ArrayLike) -> np.ndarray:
     """FRAC = |sum a* b|^2 / (sum |a|^2 sum |b|^2) over the frequencies: 1 for proportional functions, 0 for orthogonal ones.
 
     Parameters
@@ -74,7 +77,7 @@ def frac(a: Any, b: Any) -> np.ndarray:
     return found
 
 
-def comac(a: Any, b: Any) -> np.ndarray:
+def comac(a: Shapes, b: Shapes) -> np.ndarray:
     """CoMAC_i = (sum_k |a_ik b_ik|)^2 / (sum_k |a_ik|^2 sum_k |b_ik|^2): which coordinates make pairs of shapes differ.
 
     Parameters
@@ -108,7 +111,7 @@ def comac(a: Any, b: Any) -> np.ndarray:
     return found
 
 
-def serep(measured: Any, basis: Any, full: Any) -> np.ndarray:
+def serep(measured: Shapes, basis: Shapes, full: Shapes) -> np.ndarray:
     """Expand measured shapes by those of a model (SEREP): full basis^+ measured.
 
     Parameters

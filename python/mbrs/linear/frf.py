@@ -6,7 +6,7 @@ import time
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import field, replace
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -18,6 +18,12 @@ from ..results import Result, Stats, added_counts, quantity, result
 from .linear_system import LinearSystem, Origin, csc_arrays, dense, reduction_of, relaxes
 from .relaxation import Relaxation
 from .second_order import linear_system
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from ..system.state import StateLike
+    from .aliases import Linear, Ports
 
 _ORDER = {"receptance": 0, "mobility": 1, "accelerance": 2, "transmissibility": 0}
 _COARSE_POINTS = 200
@@ -136,15 +142,15 @@ class FrfSensitivity(Result):
 
 
 def frf(
-    m: Any,
-    inputs: Any,
-    outputs: Any,
+    m: Linear,
+    inputs: Ports,
+    outputs: Ports,
     *,
-    frequency: Any = None,
-    omega: Any = None,
+    frequency: ArrayLike | None = None,
+    omega: ArrayLike | None = None,
     kind: str = "receptance",
     modes: int | None = None,
-    at: Any = None,
+    at: StateLike = None,
     without: Sequence[str] = (),
 ) -> FrfResult:
     """Transfer functions H(omega) = (i omega)^q (L Z^-1 F (i omega)^p + D0), Z = S - omega^2 M + i omega D.

@@ -26,7 +26,10 @@ from .system import as_system, force_of_ports, nonlinear_system
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from numpy.typing import ArrayLike
 
+    from ..linear.matrices import MechanicalSystem
+    from ..model.model import Model
     from ..system.state import StateLike
     from .displacement import Displacement
     from .verify_full import Distance
@@ -202,12 +205,12 @@ def diamond(p: int, m: int) -> np.ndarray:
 
 
 def quasi_periodic(
-    system: Any,
+    system: Model | MechanicalSystem,
     forces: Sequence[Mapping[str, Any]],
     *,
     harmonics: int | str = 7,
-    indices: Any = None,
-    static: Any = None,
+    indices: ArrayLike | None = None,
+    static: ArrayLike | None = None,
     n_samples: int | Sequence[int] | None = None,
     condense: bool | str = "auto",
     x0: QuasiPeriodicSolution | None = None,

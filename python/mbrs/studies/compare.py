@@ -114,7 +114,7 @@ class Comparison(Result):
         return bool(np.all(self.agree))
 
 
-def compare(found: Any) -> Comparison:
+def compare(found: Result) -> Comparison:
     """Compute a result once more by the NumPy reference, which shares no code with the core.
 
     The reference writes the equations in absolute coordinates of the centres of mass with all joints as constraints, and takes
