@@ -22,6 +22,10 @@ from .modes import modes as modes_of
 from .pairing import Pairing, pair
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
     from numpy.typing import ArrayLike
 
     from ..model.model import Model
@@ -258,13 +262,13 @@ class Correlation(Result):
         basis = _rows(self.pairing, self.modes.system, self.coordinate) @ self.modes.shape[:, chosen]
         return serep(self.shape, basis, full).reshape(len(names), 6, -1).transpose(1, 0, 2)
 
-    def plot(self, *, ax: Any = None) -> Any:
+    def plot(self, *, ax: Axes | None = None) -> Figure:
         """MAC as a matrix of squares; returns the figure."""
         from ..plot.measurement import correlation
 
         return correlation(self, ax=ax)
 
-    def report(self, path: Any, title: str = "Test and computation") -> Any:
+    def report(self, path: str | Path, title: str = "Test and computation") -> Any:
         """Write one self-contained page, and return its path."""
         from ..view.page import Section, write_page
 

@@ -20,6 +20,8 @@ from .relaxation import Relaxation
 from .second_order import linear_system
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
     from numpy.typing import ArrayLike
 
     from ..system.state import StateLike
@@ -94,7 +96,7 @@ class FrfResult(Result):
     def notes(self) -> list[str]:
         return [f"route: {self.stats.route}, error {self.error:.1e}, {self.status}"]
 
-    def plot(self, kind: str = "bode", *, ax: Any = None, **options: Any) -> Any:
+    def plot(self, kind: str = "bode", *, ax: Axes | None = None, **options: Any) -> Figure:
         """``kind="bode"`` or ``"nyquist"``; ``ax``: axes to draw into, of a Bode plot one (magnitude) or two. Returns the
         figure; see `mbrs.plot.frf`.
         """
@@ -134,7 +136,7 @@ class FrfSensitivity(Result):
             rows.append([name, float(size[k]), float(self.frequency[k])])
         return ["parameter", "largest |dH/dp|", "at [Hz]"], rows
 
-    def plot(self, *, ax: Any = None) -> Any:
+    def plot(self, *, ax: Axes | None = None) -> Figure:
         """|dH/dp| over the frequency, a line for each parameter and pair of ports; returns the figure."""
         from ..plot.derivatives import frf_sensitivity
 

@@ -17,6 +17,9 @@ from .frf import FrfResult
 from .measurement import Measurement
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
     from ..model.model import Model
 
 # Measured points this near to a marker or an origin, over the largest distance between those of the model, are that point. Too small:
@@ -70,7 +73,7 @@ class Pairing(Result):
     def notes(self) -> list[str]:
         return [f"without a point of the model: {', '.join(self.unpaired)}"] if self.unpaired else []
 
-    def plot(self, *, ax: Any = None) -> Any:
+    def plot(self, *, ax: Axes | None = None) -> Figure:
         """Distances between nodes and their points, as bars; returns the figure."""
         from ..plot.measurement import pairing
 

@@ -20,6 +20,8 @@ from .relaxation import Relaxation
 from .second_order import linear_system
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
     from numpy.typing import ArrayLike
 
     from ..system.state import StateLike
@@ -100,7 +102,7 @@ class ResponseResult(Result):
     def notes(self) -> list[str]:
         return [f"route: {self.stats.route}, {self.status}"]
 
-    def plot(self, *, ax: Any = None, **options: Any) -> Any:
+    def plot(self, *, ax: Axes | None = None, **options: Any) -> Figure:
         """The outputs over time; returns the figure."""
         from ..plot import response as draw
 
@@ -129,7 +131,7 @@ class ResponseSensitivity(Result):
         sizes = np.abs(self.value).max(axis=(0, 1)).tolist()
         return ["parameter", "largest |dy/dp|"], [list(row) for row in zip(self.labels, sizes, strict=True)]
 
-    def plot(self, *, ax: Any = None) -> Any:
+    def plot(self, *, ax: Axes | None = None) -> Figure:
         """dy/dp over time, a line for each parameter and output; returns the figure."""
         from ..plot.derivatives import response_sensitivity
 

@@ -25,10 +25,13 @@ from .quantities import Names
 from .tangent import RHO, Run, quantity_derivative
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
     from ..model.aliases import BodyLike, ItemLike, Vector3
+    from ..model.model import Model
 
 
 @result
@@ -128,7 +131,7 @@ class Trajectory(AirMotion, Result):
         return len(self.t)
 
     @property
-    def model(self) -> Any:
+    def model(self) -> Model:
         """The model this belongs to."""
         return self.snapshot.model
 
@@ -482,7 +485,7 @@ class Trajectory(AirMotion, Result):
 
         return motion.plot(self, what, ax=ax, **options)
 
-    def animate(self, path: Any = None, **options: Any) -> Any:
+    def animate(self, path: str | Path | None = None, **options: Any) -> Any:
         """The motion as one self-contained page that plays; written to ``path`` if that is given.
 
         ``options``: ``pace`` (seconds of motion in a second of playing), ``at`` (s, paused there), ``paths`` (markers and bodies whose
