@@ -7,7 +7,6 @@ from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.sparse import sparray, spmatrix
 
 from ..model.model import Model
 from ..model.ports import Port
@@ -25,7 +24,13 @@ Load = ArrayLike | Callable[[float], Any]
 Loads = Mapping[Any, Load] | Sequence[tuple[PortLike, Load]]
 # A vector (n,) on the first harmonic, or vectors by harmonic; complex for phases.
 Force = ArrayLike | Mapping[int, ArrayLike]
-Matrix = ArrayLike | sparray | spmatrix
+
+
+class Sparse(Protocol):
+    """A sparse matrix of SciPy."""
+
+    def toarray(self) -> np.ndarray:
+        """The matrix with its zeros."""
 
 
 class HasShapes(Protocol):
@@ -48,6 +53,7 @@ class HasCoefficients(Protocol):
         """Fourier coefficients (dof, 2H+1)."""
 
 
+Matrix = ArrayLike | Sparse
 # Modes, or their shapes (dof, n) by column.
 Shapes = HasShapes | ArrayLike
 Coefficients = HasCoefficients | ArrayLike

@@ -140,18 +140,14 @@ class Trajectory(AirMotion, Result):
         """Names of the bodies."""
         return tuple(self.snapshot.tables["body_name"])
 
+    @property
+    def _instants(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        return self.t, self.q, self.rate, self.memory, self.acceleration
+
     @cached_property
     def _quantities(self) -> dict[str, Any]:
         with core_errors():
-            return _core.motion_quantities(
-                self.snapshot.system,
-                self.t,
-                self.q,
-                self.rate,
-                self.memory,
-                self.acceleration,
-                list(self.without),
-            )
+            return _core.motion_quantities(self.snapshot.system, *self._instants, list(self.without))
 
     def _body(self, body: BodyLike) -> int:
         return index("no body", body, self.bodies)
@@ -394,16 +390,7 @@ class Trajectory(AirMotion, Result):
     @cached_property
     def _reactions(self) -> np.ndarray:
         with core_errors():
-            return _core.motion_reactions(
-                self.snapshot.system,
-                self.t,
-                self.q,
-                self.rate,
-                self.memory,
-                self.acceleration,
-                self.multipliers,
-                list(self.without),
-            )
+            return _core.motion_reactions(self.snapshot.system, *self._instants, self.multipliers, list(self.without))
 
     @property
     def poses(self) -> dict[str, np.ndarray]:
