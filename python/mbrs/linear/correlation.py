@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from ..model.model import Model
+    from ..system.state import StateLike
     from .aliases import Shapes
 
 # Modes that are less alike than this are not pairs. Too small: strangers are paired; too large: modes of a model that still has to be
@@ -283,10 +284,10 @@ class Correlation(Result):
 
 def correlate(
     m: Model,
-    test: Any,
+    test: Measurement | FrfResult,
     *,
     pairing: Pairing | None = None,
-    at: Any = None,
+    at: StateLike = None,
     band: tuple[float, float] | None = None,
     **options: Any,
 ) -> Correlation:

@@ -313,7 +313,8 @@ def simulate(
 
 def _warn_bent(traj: Trajectory) -> None:
     for name in traj.flexible:
-        body = traj.model.bodies[traj.bodies.index(name)].modal
+        handle: Any = traj.model.bodies[traj.bodies.index(name)]
+        body = handle.modal
         if len(body.line_position) < 2 or not len(traj.t):
             continue
         extent = np.linalg.norm(np.ptp(body.line_position, axis=0))

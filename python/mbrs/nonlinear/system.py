@@ -23,7 +23,6 @@ from ..system.state import state_of
 from .shifted_laws import ShiftedFunction, shifted
 
 if TYPE_CHECKING:
-    from ..model.model import Model
     from ..system.state import StateLike
 
 # a displacement below this part of the characteristic length (or this angle) is rounding of an equilibrium
@@ -39,7 +38,7 @@ class NonlinearSystem(MechanicalSystem):
     values: Mapping[str, float] = {}
 
 
-def nonlinear_system(m: Model, *, at: StateLike = None, without: Sequence[str] = ()) -> NonlinearSystem:
+def nonlinear_system(m: Book, *, at: StateLike = None, without: Sequence[str] = ()) -> NonlinearSystem:
     """M x" + (C + G) x' + (K + N) x + sum_e w_e (law_e(u_e + w_e . x, w_e . x') - law_e(u_e, 0)) = f about a state.
 
     Geometry is linear in the minimal coordinates x, laws are not: the matrices hold everything but the slopes of the
