@@ -351,7 +351,7 @@ def correlate(
         frequency=f,
         frequency_model=f_model,
         difference=np.divide(f_model, f, out=np.full(len(f), np.nan), where=f > 0.0) - 1.0,
-        damping=np.asarray(test.damping, dtype=float) if len(f) else np.zeros(0),
+        damping=np.asarray(test.damping, dtype=float) if isinstance(test, Measurement) and len(f) else np.zeros(0),
         damping_model=np.where(has, computed.damping[pick], np.nan),
         comac=comac(shape[:, has], there[:, partner[has]]) if np.any(has) else np.full(len(coordinates), np.nan),
         coordinate=coordinates,
