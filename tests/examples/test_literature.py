@@ -26,8 +26,12 @@ SAYS = {
     "equations": (["I: 8/17/6e-10", "Newton: 3 iterations"], ["equations"]),
     "solver_words": (["the words alone", "stops after 0 steps", "all steps"], ["solver_words"]),
     "swing": (["bdf-bfgs, absolute coordinates", "lengths, mass and inertia of B are lost"], ["swing"]),
-    "rotor": (["symmetric", "inertial frame"], ["rotor_modes", "rotor_displacements", "rotor_coordinates"]),
-    "design_matrix": (["central differences"], ["design_matrix"]),
+    "rotor": (["antisymmetric", "one flexible body"], ["rotor_modes"]),
+    "rotor_motion": (
+        ["40.1 m from the axis", "40.1 m from the blade's root", "one body, 9 modes", "inertial frame"],
+        ["rotor_displacements", "rotor_coordinates"],
+    ),
+    "design_matrix": (["central differences", "off by 0e+00"], ["design_matrix"]),
     "projections": (["passes of a step", "behind"], ["projections"]),
 }
 

@@ -124,7 +124,7 @@ def gradient(
         An objective that returns no finite number, a scheme without sensitivities.
     NotDifferentiableError
         An objective that is not analytic; a parameter that breaks a redundant loop, or that moves the start through a first
-        guess ``pose=``; a drive whose rate jumps on the way (an impact).
+        guess ``pose=``; a drive whose rate jumps on the way (an impact); air whose inflow advances by steps of its own.
 
     Warns
     -----

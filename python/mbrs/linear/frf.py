@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from ..system.state import StateLike
     from .aliases import Linear, Ports
 
-_ORDER = {"receptance": 0, "mobility": 1, "accelerance": 2, "transmissibility": 0}
+ORDER_OUT = {"receptance": 0, "mobility": 1, "accelerance": 2, "transmissibility": 0}
 _COARSE_POINTS = 200
 
 
@@ -210,8 +210,8 @@ def frf(
     True
     """
     start = time.perf_counter()
-    if kind not in _ORDER:
-        raise ModelError(f"kind={kind!r} is not known; it is one of {', '.join(_ORDER)}")
+    if kind not in ORDER_OUT:
+        raise ModelError(f"kind={kind!r} is not known; it is one of {', '.join(ORDER_OUT)}")
     points, limits = _grid(frequency, omega)
     linear = linear_system(m, inputs, outputs, at, without, relaxing=True)
     if kind == "transmissibility" and np.any(linear.order_in[: len(linear.inputs)] != 2):
@@ -220,11 +220,11 @@ def frf(
         raise ModelError(f"modes={modes!r} must be a number of modes, at least 1")
     solver: _Dense | _Sparse | _Relaxing
     if linear.relaxation is not None:
-        solver = _Relaxing(linear, linear.relaxation, _ORDER[kind], modes)
+        solver = _Relaxing(linear, linear.relaxation, ORDER_OUT[kind], modes)
     elif linear.is_large:
-        solver = _Sparse(linear, _ORDER[kind], points, limits)
+        solver = _Sparse(linear, ORDER_OUT[kind], points, limits)
     else:
-        solver = _Dense(linear, _ORDER[kind], modes)
+        solver = _Dense(linear, ORDER_OUT[kind], modes)
     if linear.is_large and modes is not None:
         raise ModelError("modes= is for dense systems; a large sparse one is solved directly at each frequency")
     poles = solver.poles
@@ -303,7 +303,7 @@ def frf_sensitivity(
             linear.F,
             linear.order_in,
             linear.D0,
-            _ORDER[kind],
+            ORDER_OUT[kind],
             omega,
             len(parameters),
             *(None if a is None else np.asarray(a, dtype=float) for a in (dM, dD, dS, dF, dL, dD0)),
@@ -461,44 +461,23 @@ def _sampled(limits: tuple[float, float], poles: np.ndarray | None) -> np.ndarra
 
 def _resonances(poles: np.ndarray | None, low: float, high: float) -> list[complex]:
     """Poles in the range that make a peak (damping ratio below 1/sqrt 2), repeated ones once."""
-    if poles is None:
-        return []
-    candidates = sorted(
-        (complex(p) for p in poles if low <= p.imag <= high and p.imag > abs(p.real) and p.imag > 0.0),
-        key=lambda p: (p.imag, p.real),
-    )
-    kept: list[complex] = []
-    for p in candidates:
-        if not kept or abs(p - kept[-1]) > 1e-9 * abs(p):
-            kept.append(p)
-    return kept
+    return [] if poles is None else _core.resonances(_roots(poles), low, high).tolist()
+
+
+def _roots(poles: np.ndarray) -> np.ndarray:
+    return np.ascontiguousarray(poles, dtype=complex)
 
 
 def _warn_missed(
     solver: _Dense | _Sparse | _Relaxing, points: np.ndarray, poles: np.ndarray | None, value: np.ndarray
 ) -> None:
     """A resonance is missed when its half-power band lies between two neighbouring points and its peak shows in H."""
-    grid = np.unique(np.abs(points))
-    if grid.size < 2 or poles is None:
-        return
-    suspects = []
-    for pole in _resonances(poles, float(grid[0]), float(grid[-1])):
-        half_width = abs(pole.real)
-        k = int(np.searchsorted(grid, pole.imag))
-        inside = [grid[i] for i in (k - 1, k) if 0 <= i < grid.size and abs(grid[i] - pole.imag) <= half_width]
-        if not inside:
-            suspects.append(pole.imag)
+    suspects = [] if poles is None else _core.unseen_resonances(_roots(poles), points)
     if not suspects:
         return
     peaks = solver.evaluate(np.array(suspects, dtype=float), checked=False)["value"]
-    place = np.argsort(np.abs(points), kind="stable")
-    missed = []
-    for s, w in enumerate(suspects):
-        k = int(np.searchsorted(np.abs(points)[place], w))
-        sides = [place[i] for i in (k - 1, k) if 0 <= i < place.size]
-        around = np.max(np.abs(value[:, :, sides]), axis=2)
-        if np.any(~(np.abs(peaks[:, :, s]) <= 1.05 * around)):
-            missed.append(w / (2 * np.pi))
+    found = _core.missed_resonances(points, _roots(value).ravel(), suspects, _roots(peaks).ravel())
+    missed = [w / (2 * np.pi) for w in found]
     if missed:
         shown = ", ".join(f"{f:.6g}" for f in missed[:8]) + (", ..." if len(missed) > 8 else "")
         warnings.warn(

@@ -73,8 +73,8 @@ class LinearizationSensitivity(Result):
     Attributes
     ----------
     M, C, G, K, N
-        (dof, dof, n_p), None where the matrix itself is absent. G and N also exist where a parameter makes them: a single
-        entry of a full bushing, a given velocity.
+        (dof, dof, n_p), None where the matrix itself is absent. C, G and N also exist where a parameter makes them: a damper
+        of size zero, a single entry of a full bushing, a given velocity.
     T
         (6 n_bodies, dof, n_p), of `mb.sensitivity` of a linearisation.
     position, rotation
@@ -127,8 +127,9 @@ class LinearizationSensitivity(Result):
     @cached_property
     @derived(dims=("coordinate", "coordinate_", "parameter"), name="dC")
     def C(self) -> np.ndarray | None:
-        """dC/dp, the symmetric part of the derivative of the damping."""
-        return None if self.linearization.C is None else split(self.damping.dense())[0]
+        """dC/dp, the symmetric part of the derivative of the damping; without damping in the model, where a parameter brings it in."""
+        symmetric = split(self.damping.dense())[0]
+        return symmetric if self.linearization.C is not None or np.any(symmetric) else None
 
     @cached_property
     @derived(dims=("coordinate", "coordinate_", "parameter"), name="dG")

@@ -15,6 +15,7 @@ from .. import _core
 from .._lib.border import core_errors
 from .._lib.vetter import Derivative
 from ..errors import KinkWarning, MbrsWarning, ModelError, NotDifferentiableError
+from ..model.aerodynamics import STEPPED
 from ..model.tables import Directions, directions
 from ..system.effects import with_rate_laws
 from ..system.snapshot import Snapshot
@@ -139,12 +140,14 @@ def warn_of_growth(growth: float) -> None:
 
 
 def require_exact_tangents(m: Model, without: tuple[str, ...]) -> None:
-    """Two effects leave tangents of a step that are not the derivatives of its forces."""
-    if m.airs and "aerodynamics" not in without:
-        air = m.airs[0]
+    """Refuse motions whose steps have tangents that are not the derivatives of their forces: air with steps of its own, effects."""
+    stepped = [] if "aerodynamics" in without else [air for air in m.airs if air.inflow in STEPPED]
+    if stepped:
+        air = stepped[0]
         raise NotDifferentiableError(
-            f"the air {air.name!r} (inflow {air.inflow!r}) has no gradients of motions: leave it out with without=('aerodynamics',), "
-            "or take differences of mb.simulate"
+            f"the air {air.name!r} (inflow {air.inflow!r}) has no gradients of motions: its inflow advances by steps of its own, which are "
+            'not differentiated. Give it inflow="bem" or "none", leave it out with without=(\'aerodynamics\',), or take differences of '
+            "mb.simulate"
         )
     why = None
     if "centrifugal" in without:
