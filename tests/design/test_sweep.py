@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import pickle
 import signal
 import time
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
@@ -155,6 +156,18 @@ def test_models_that_cannot_be_pickled_and_closures_run_here_and_in_threads():
     for executor in (None, 2):
         runs = mb.sweep(m, scenes.designs(5), lambda m: {"x": factor * m.value("k")}, executor=executor)
         assert np.array_equal(runs["x"], 3.0 * scenes.designs(5)["k"])
+
+
+def test_a_worker_gets_the_model_once(processes, monkeypatch):
+    """A task of processes is small whatever the model is: it names a file by its hash."""
+    sizes = []
+    submit = processes.submit
+    monkeypatch.setattr(processes, "submit", lambda *a: sizes.append(len(pickle.dumps(a))) or submit(*a))
+    m = scenes.model()
+    for i in range(200):
+        m.parameter(f"more{i}", float(i))
+    runs = mb.sweep(m, scenes.designs(12), scenes.numbers, executor=processes, chunk=2)
+    assert runs.done.all() and len(sizes) == 6 and max(sizes) < 2000 < len(pickle.dumps(m))
 
 
 def test_what_cannot_go_to_other_processes_is_named(processes, tmp_path):

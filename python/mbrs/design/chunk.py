@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import io
 import json
 import pickle
@@ -11,6 +12,7 @@ import zipfile
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
+from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
@@ -79,6 +81,47 @@ class PackedScene:
 
     def fast(self, names: tuple[str, ...]) -> FastPlan | None:
         return _fast(self, names) if isinstance(_unpacked(self.packed_function), Analysis) else None
+
+
+@dataclass(frozen=True)
+class KeptScene:
+    """A scene that lies in a file of the client: each process of a pool reads it once, and knows it by its hash."""
+
+    digest: str
+    path: str
+
+    @classmethod
+    def of(cls, scene: PackedScene, folder: str) -> KeptScene:
+        """Write the file."""
+        data = pickle.dumps(scene)
+        digest = hashlib.sha256(data).hexdigest()
+        path = Path(folder) / digest
+        path.write_bytes(data)
+        return cls(digest, str(path))
+
+    def _read(self) -> PackedScene:
+        return _kept(self.digest, self.path)
+
+    def prepare(self) -> None:
+        self._read().prepare()
+
+    def model(self) -> Any:
+        return self._read().model()
+
+    def outputs(self, model: Any) -> Mapping[str, Any]:
+        return self._read().outputs(model)
+
+    def fast(self, names: tuple[str, ...]) -> FastPlan | None:
+        return self._read().fast(names)
+
+
+@lru_cache(maxsize=4)
+def _kept(digest: str, path: str) -> PackedScene:
+    data = Path(path).read_bytes()
+    if hashlib.sha256(data).hexdigest() != digest:
+        raise ModelError("the file of the model of a sweep has changed")
+    scene: PackedScene = pickle.loads(data)
+    return scene
 
 
 @lru_cache(maxsize=4)
