@@ -290,6 +290,23 @@ def slow_and_awkward(m):
     return scenes.awkward(m)
 
 
+def test_results_of_a_whole_sweep_are_in_memory_once(tmp_path):
+    m, designs = scenes.model(), scenes.designs(30)
+    runs = mb.sweep(m, designs, scenes.numbers, store=tmp_path / "runs", chunk=7)
+    for name, array in runs.outputs.items():
+        held = [c.flat for chunk in runs.session.chunks for key, c in chunk.columns.items() if key[2:] == name]
+        assert len(held) == 5 and all(np.shares_memory(array, flat) for flat in held)
+        with pytest.raises(ValueError, match="read-only"):
+            array[0] = 0.0
+    again = runs.session.runs()
+    assert bits(again) == bits(runs) == bits(mb.sweep(m, designs, scenes.numbers, chunk=4))
+    # a part of the designs, then the rest: the first result stays as it was
+    some = mb.sweep(m, designs, scenes.numbers, n=11, chunk=4)
+    before = bits(some)
+    some.evaluate(designs)
+    assert bits(some) == before
+
+
 def test_no_designs_and_one_design():
     m = scenes.model()
     none = mb.sweep(m, scenes.designs(1).part(slice(0)), scenes.numbers)

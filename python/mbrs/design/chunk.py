@@ -248,9 +248,9 @@ class _Results:
     def columns(self) -> dict[str, Column]:
         """All outputs, each by its rows."""
         found = {name: [column] for name, column in columns_of(self._rows).items()}
-        for name, parts in self._parts.items():
-            found.setdefault(name, []).extend(parts)
-        return {name: _joined(parts) for name, parts in found.items()}
+        for name in list(self._parts):
+            found.setdefault(name, []).extend(self._parts.pop(name))
+        return {name: _joined(found.pop(name)) for name in list(found)}
 
     def single(self) -> None:
         """The next design, by Python."""
