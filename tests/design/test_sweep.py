@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import pickle
 import signal
 import time
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
@@ -157,6 +158,18 @@ def test_models_that_cannot_be_pickled_and_closures_run_here_and_in_threads():
         assert np.array_equal(runs["x"], 3.0 * scenes.designs(5)["k"])
 
 
+def test_a_worker_gets_the_model_once(processes, monkeypatch):
+    """A task of processes is small whatever the model is: it names a file by its hash."""
+    sizes = []
+    submit = processes.submit
+    monkeypatch.setattr(processes, "submit", lambda *a: sizes.append(len(pickle.dumps(a))) or submit(*a))
+    m = scenes.model()
+    for i in range(200):
+        m.parameter(f"more{i}", float(i))
+    runs = mb.sweep(m, scenes.designs(12), scenes.numbers, executor=processes, chunk=2)
+    assert runs.done.all() and len(sizes) == 6 and max(sizes) < 2000 < len(pickle.dumps(m))
+
+
 def test_what_cannot_go_to_other_processes_is_named(processes, tmp_path):
     with pytest.raises(mb.ModelError, match="top of a module"):
         mb.sweep(scenes.model(), scenes.designs(5), lambda m: {}, executor=processes)
@@ -275,6 +288,23 @@ def test_progress_tells_rate_time_left_and_failures(capfd, monkeypatch):
 def slow_and_awkward(m):
     time.sleep(0.01)
     return scenes.awkward(m)
+
+
+def test_results_of_a_whole_sweep_are_in_memory_once(tmp_path):
+    m, designs = scenes.model(), scenes.designs(30)
+    runs = mb.sweep(m, designs, scenes.numbers, store=tmp_path / "runs", chunk=7)
+    for name, array in runs.outputs.items():
+        held = [c.flat for chunk in runs.session.chunks for key, c in chunk.columns.items() if key[2:] == name]
+        assert len(held) == 5 and all(np.shares_memory(array, flat) for flat in held)
+        with pytest.raises(ValueError, match="read-only"):
+            array[0] = 0.0
+    again = runs.session.runs()
+    assert bits(again) == bits(runs) == bits(mb.sweep(m, designs, scenes.numbers, chunk=4))
+    # a part of the designs, then the rest: the first result stays as it was
+    some = mb.sweep(m, designs, scenes.numbers, n=11, chunk=4)
+    before = bits(some)
+    some.evaluate(designs)
+    assert bits(some) == before
 
 
 def test_no_designs_and_one_design():

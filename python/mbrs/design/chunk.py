@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import io
 import json
 import pickle
@@ -11,6 +12,7 @@ import zipfile
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
+from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
@@ -79,6 +81,47 @@ class PackedScene:
 
     def fast(self, names: tuple[str, ...]) -> FastPlan | None:
         return _fast(self, names) if isinstance(_unpacked(self.packed_function), Analysis) else None
+
+
+@dataclass(frozen=True)
+class KeptScene:
+    """A scene that lies in a file of the client: each process of a pool reads it once, and knows it by its hash."""
+
+    digest: str
+    path: str
+
+    @classmethod
+    def of(cls, scene: PackedScene, folder: str) -> KeptScene:
+        """Write the file."""
+        data = pickle.dumps(scene)
+        digest = hashlib.sha256(data).hexdigest()
+        path = Path(folder) / digest
+        path.write_bytes(data)
+        return cls(digest, str(path))
+
+    def _read(self) -> PackedScene:
+        return _kept(self.digest, self.path)
+
+    def prepare(self) -> None:
+        self._read().prepare()
+
+    def model(self) -> Any:
+        return self._read().model()
+
+    def outputs(self, model: Any) -> Mapping[str, Any]:
+        return self._read().outputs(model)
+
+    def fast(self, names: tuple[str, ...]) -> FastPlan | None:
+        return self._read().fast(names)
+
+
+@lru_cache(maxsize=4)
+def _kept(digest: str, path: str) -> PackedScene:
+    data = Path(path).read_bytes()
+    if hashlib.sha256(data).hexdigest() != digest:
+        raise ModelError("the file of the model of a sweep has changed")
+    scene: PackedScene = pickle.loads(data)
+    return scene
 
 
 @lru_cache(maxsize=4)
@@ -205,9 +248,9 @@ class _Results:
     def columns(self) -> dict[str, Column]:
         """All outputs, each by its rows."""
         found = {name: [column] for name, column in columns_of(self._rows).items()}
-        for name, parts in self._parts.items():
-            found.setdefault(name, []).extend(parts)
-        return {name: _joined(parts) for name, parts in found.items()}
+        for name in list(self._parts):
+            found.setdefault(name, []).extend(self._parts.pop(name))
+        return {name: _joined(found.pop(name)) for name in list(found)}
 
     def single(self) -> None:
         """The next design, by Python."""

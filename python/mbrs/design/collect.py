@@ -13,6 +13,32 @@ from .runs import WAITING, Runs
 from .table import Designs, table
 
 
+class Whole:
+    """The outputs of n designs, one array for each name, which are filled as chunks come: results of many designs are in memory once."""
+
+    def __init__(self, n: int) -> None:
+        self._rows = np.arange(n)
+        self._arrays: dict[str, np.ndarray] = {}
+
+    def take(self, chunk: Chunk) -> None:
+        """Move the outputs of a chunk into the arrays if all its rows are of one shape; its columns then look at them."""
+        for name, column in chunk.columns.items():
+            count = len(column.rows)
+            regular = np.array_equal(column.rows, np.arange(count)) and np.all(column.shapes == column.shapes[:1])
+            if not regular or count == 0 or chunk.first + count > len(self._rows):
+                continue
+            shape = tuple(int(m) for m in column.shapes[0] if m >= 0)
+            array = self._arrays.get(name)
+            if array is None:
+                array = self._arrays[name] = np.empty((len(self._rows), *shape), dtype=column.flat.dtype)
+            if array.shape[1:] != shape or array.dtype != column.flat.dtype or not array.flags.writeable:
+                continue
+            part = array[chunk.first : chunk.first + count]
+            part[...] = column.flat.reshape(part.shape)
+            column.flat, column.rows = part.reshape(-1), self._rows[:count]
+            column.shapes = np.broadcast_to(column.shapes[0].copy(), column.shapes.shape)
+
+
 def collected(
     designs: Designs, chunks: Sequence[Chunk], outputs: Any, status: str, rows: Sequence[int] | None, session: Any
 ) -> Runs:
@@ -47,7 +73,7 @@ def collected(
         }
     arrays = {name: _without(array, codes) for name, array in arrays.items()}
     for array in arrays.values():
-        array.setflags(write=False)  # the session looks at them as well
+        array.setflags(write=False)  # the session may hold them as well
     return _runs(designs, arrays, codes, seconds, failures, outputs, status, session)
 
 
@@ -118,6 +144,10 @@ def _array(name: str, n: int, count: int, columns: Sequence[tuple[int, Column]])
     same = filled == count and all(np.all(column.shapes == most) for _, column in columns if ndim)
     if not same and kind.kind in "bi":
         kind = np.dtype(float)
+    whole = columns[0][1].flat.base
+    shared = filled == n and all(column.flat.base is whole for _, column in columns)
+    if shared and isinstance(whole, np.ndarray) and whole.shape == (n, *most) and whole.dtype == kind:
+        return whole, wrong
     full = np.empty((n, *most), dtype=kind)
     known = np.zeros(n, dtype=bool)
     for first, column in columns:
@@ -136,7 +166,6 @@ def _fill(full: np.ndarray, first: int, column: Column, ndim: int) -> np.ndarray
     rows = first + column.rows
     if np.all(column.shapes == full.shape[1:]) and column.shapes.shape[1] == ndim:
         full[rows] = column.flat.reshape(len(rows), *full.shape[1:])
-        _share(full, rows, column)
         return np.ones(len(rows), dtype=bool)
     sizes = column.sizes()
     ends = np.cumsum(sizes)
@@ -149,13 +178,6 @@ def _fill(full: np.ndarray, first: int, column: Column, ndim: int) -> np.ndarray
     return fits
 
 
-def _share(full: np.ndarray, rows: np.ndarray, column: Column) -> None:
-    """Let a column look at its rows of the whole array, so that results of many designs are in memory once."""
-    if len(rows) and rows[-1] - rows[0] == len(rows) - 1 and full.dtype == column.flat.dtype:
-        column.flat = full[rows[0] : rows[-1] + 1].reshape(-1)
-        column.shapes = np.broadcast_to(column.shapes[0], column.shapes.shape)
-
-
 def _without(array: np.ndarray, codes: np.ndarray) -> np.ndarray:
     """No outputs of designs that count as failed."""
     bad = codes != DONE
@@ -163,5 +185,7 @@ def _without(array: np.ndarray, codes: np.ndarray) -> np.ndarray:
         return array
     if array.dtype.kind in "bi":
         array = array.astype(float)
+    elif not array.flags.writeable:
+        array = array.copy()
     array[bad] = np.nan
     return array

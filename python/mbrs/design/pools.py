@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import contextlib
+import hashlib
 import math
 import multiprocessing
 import os
 import pickle
+import tempfile
 import threading
 import time
+import uuid
 from collections.abc import Callable, Iterable
 from concurrent.futures import (
     FIRST_COMPLETED,
@@ -24,9 +27,11 @@ from dataclasses import replace
 from functools import lru_cache
 from typing import Any
 
+import numpy as np
+
 from .._lib.checks import count, shown
 from ..errors import ModelError, RouteError
-from .chunk import Chunk, LocalScene, PackedScene, Scene, Task, run
+from .chunk import Chunk, KeptScene, LocalScene, PackedScene, Scene, Task, run
 from .isolation import leave_with
 
 _MOST_THREADS = 1024
@@ -146,8 +151,17 @@ class Futures(Pool):
 
     def __init__(self, executor: Executor) -> None:
         self._executor, self._own = executor, False
+        self._folder: tempfile.TemporaryDirectory[str] | None = None
         self.workers = int(getattr(executor, "_max_workers", None) or os.cpu_count() or 1)
         self.context = getattr(executor, "_mp_context", None)
+
+    def scene(self, model: Any, outputs: Callable[..., Any]) -> Scene:
+        """In a file if all workers are processes of this machine, so that each of them takes it once."""
+        packed = super().scene(model, outputs)
+        if not isinstance(packed, PackedScene) or not isinstance(self._executor, ProcessPoolExecutor):
+            return packed
+        self._folder = tempfile.TemporaryDirectory(prefix="mbrs-sweep-")
+        return KeptScene.of(packed, self._folder.name)
 
     def submit(self, task: Task) -> Future[Chunk]:
         work = work_for if isinstance(self._executor, ProcessPoolExecutor) else run
@@ -172,12 +186,17 @@ class Futures(Pool):
 
     def revive(self) -> None:
         if getattr(self._executor, "_broken", False):
-            self.close()
+            self._shut_down()
             self._executor, self._own = ProcessPoolExecutor(self.workers, mp_context=self.context), True
 
-    def close(self) -> None:
+    def _shut_down(self) -> None:
         if self._own:
             self._executor.shutdown(wait=True, cancel_futures=True)
+
+    def close(self) -> None:
+        self._shut_down()
+        if self._folder is not None:
+            self._folder.cleanup()
 
 
 def work_for(task: Task) -> Chunk:
@@ -199,6 +218,8 @@ class Cluster(Pool):
     def __init__(self, client: Any) -> None:
         self._client = client
         self.workers = max(1, sum(client.nthreads().values()))
+        self._kept: Any = None
+        self._token, self._times = uuid.uuid4().hex[:8], 0
 
     def dumps(self, function: Any) -> bytes:
         """Functions of a script go by value: the workers have not run it."""
@@ -207,7 +228,16 @@ class Cluster(Pool):
         return cloudpickle.dumps(function)
 
     def submit(self, task: Task) -> Any:
-        return self._client.submit(run, task, pure=False)
+        rows = (list(task.names), task.first, task.values, task.limit)
+        return self._client.submit(_run_with, self._shared(task.scene), *rows, pure=False)
+
+    def _shared(self, scene: Scene) -> Any:
+        """The scene as a task of its own by its hash: a worker takes its result once, and Dask makes it anew where it was lost."""
+        if self._kept is None or self._kept.status not in ("pending", "finished"):
+            self._kept, self._times = None, self._times + 1
+            key = f"mbrs-scene-{hashlib.sha256(pickle.dumps(scene)).hexdigest()}-{self._token}-{self._times}"
+            self._kept = self._client.submit(_same, scene, key=key)
+        return self._kept
 
     def finished(self, futures: Iterable[Any], timeout: float | None = None) -> list[Any]:
         from distributed import wait as wait_for
@@ -238,6 +268,14 @@ class Cluster(Pool):
             raise WorkerLost(str(reason)) from None
         except CancelledError:
             raise Restarted from None
+
+
+def _same(scene: Scene) -> Scene:
+    return scene
+
+
+def _run_with(scene: Scene, names: list[str], first: int, values: np.ndarray, limit: float | None) -> Chunk:
+    return run(Task(scene, tuple(names), first, values, limit))
 
 
 class Restarted(Exception):

@@ -16,6 +16,7 @@ from ..errors import DesignError, Interrupted, MbrsError, ModelError, StoreError
 from . import pools
 from .chunk import DONE, Chunk
 from .client import Client, Keeper, Range
+from .collect import Whole, collected
 from .sources import describe, model_functions
 from .store import Store, identity
 from .table import Designs, fingerprint, table
@@ -46,6 +47,7 @@ class Session:
         self.model, self.designs, self.outputs, self.options = model.copy(), designs, outputs, options
         self.rows = designs.values
         self.chunks: list[Chunk] = []
+        self._whole = Whole(len(designs))
         self.asked: set[int] = set()
         self._places: dict[bytes, int] = {}
         self._indexed = 0
@@ -94,6 +96,7 @@ class Session:
             raise StoreError(
                 f"the designs {chunk.first} to {chunk.end - 1} of the folder are others than those of the sweep"
             )
+        self._whole.take(chunk)
         self.chunks.append(chunk)
 
     def missing(self) -> list[Range]:
@@ -139,6 +142,7 @@ class Session:
                     self.chunks.append(chunk)
                     if store is not None:
                         store.write(chunk)
+                    self._whole.take(chunk)
                     shown.keep(chunk)
 
                 keeper = Keeper(
@@ -196,8 +200,6 @@ class Session:
 
     def runs(self, status: str = "computed", rows: Sequence[int] | None = None) -> Any:
         """All that is known, or the results of some rows."""
-        from .collect import collected
-
         designs = table(self.designs.names, self.rows, self.designs.units, self.designs.source, self.designs.about)
         return collected(designs, self.chunks, self.outputs, status, rows, self)
 
