@@ -30,6 +30,7 @@ from ..model.model import Model
 from ..model.ports import Port, as_port
 
 if TYPE_CHECKING:
+    from ..linear.aliases import Ports
     from ..results import Result
 
 _PLAIN = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*", re.ASCII)
@@ -38,7 +39,13 @@ _OPTIONS = ("rtol", "step", "method", "without", "rho", "max_step")
 
 
 def fmu(
-    m: Model, path: str | Path, inputs: Any, outputs: Any, *, parameters: Sequence[str] | None = None, **options: Any
+    m: Model,
+    path: str | Path,
+    inputs: Ports,
+    outputs: Ports,
+    *,
+    parameters: Sequence[str] | None = None,
+    **options: Any,
 ) -> Path:
     """Write a model as an FMU for co-simulation: its whole motion, with forces and torques as inputs, motions and reactions as outputs.
 

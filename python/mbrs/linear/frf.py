@@ -6,7 +6,7 @@ import time
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import field, replace
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -18,6 +18,14 @@ from ..results import Result, Stats, added_counts, quantity, result
 from .linear_system import LinearSystem, Origin, csc_arrays, dense, reduction_of, relaxes
 from .relaxation import Relaxation
 from .second_order import linear_system
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+    from numpy.typing import ArrayLike
+
+    from ..system.state import StateLike
+    from .aliases import Linear, Ports
 
 ORDER_OUT = {"receptance": 0, "mobility": 1, "accelerance": 2, "transmissibility": 0}
 _COARSE_POINTS = 200
@@ -88,7 +96,7 @@ class FrfResult(Result):
     def notes(self) -> list[str]:
         return [f"route: {self.stats.route}, error {self.error:.1e}, {self.status}"]
 
-    def plot(self, kind: str = "bode", *, ax: Any = None, **options: Any) -> Any:
+    def plot(self, kind: str = "bode", *, ax: Axes | None = None, **options: Any) -> Figure:
         """``kind="bode"`` or ``"nyquist"``; ``ax``: axes to draw into, of a Bode plot one (magnitude) or two. Returns the
         figure; see `mbrs.plot.frf`.
         """
@@ -128,7 +136,7 @@ class FrfSensitivity(Result):
             rows.append([name, float(size[k]), float(self.frequency[k])])
         return ["parameter", "largest |dH/dp|", "at [Hz]"], rows
 
-    def plot(self, *, ax: Any = None) -> Any:
+    def plot(self, *, ax: Axes | None = None) -> Figure:
         """|dH/dp| over the frequency, a line for each parameter and pair of ports; returns the figure."""
         from ..plot.derivatives import frf_sensitivity
 
@@ -136,15 +144,15 @@ class FrfSensitivity(Result):
 
 
 def frf(
-    m: Any,
-    inputs: Any,
-    outputs: Any,
+    m: Linear,
+    inputs: Ports,
+    outputs: Ports,
     *,
-    frequency: Any = None,
-    omega: Any = None,
+    frequency: ArrayLike | None = None,
+    omega: ArrayLike | None = None,
     kind: str = "receptance",
     modes: int | None = None,
-    at: Any = None,
+    at: StateLike = None,
     without: Sequence[str] = (),
 ) -> FrfResult:
     """Transfer functions H(omega) = (i omega)^q (L Z^-1 F (i omega)^p + D0), Z = S - omega^2 M + i omega D.

@@ -476,7 +476,8 @@ def _of_modes(result: Any, parameters: str | Sequence[str], follow: bool) -> Any
     # at rest damping, and without followers stiffness, is symmetric: what is not is left by unbalanced moments
     dD, dS = d.damping.symmetric(d.has_G), d.stiffness.symmetric(d.has_N)
     shapes = [d.directions.shape] if len(d.directions.shape) > 1 else None
-    return eigen_sensitivity(result, d.mass, dD, dS, parameters=d.labels, units=d.units, shapes=shapes)
+    changes: tuple[Any, Any, Any] = (d.mass, dD, dS)
+    return eigen_sensitivity(result, *changes, parameters=d.labels, units=d.units, shapes=shapes)
 
 
 def _of_ports(result: Any, parameters: str | Sequence[str], follow: bool) -> Any:

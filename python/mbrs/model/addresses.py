@@ -12,12 +12,12 @@ from typing import Any
 import numpy as np
 
 from ..errors import ModelError, NameNotFoundError
+from .argument_checks import inertia_numbers
 from .bodies import INERTIA_PLACE
 from .book import Book, Group, Item
 from .expressions import Expression, Program
 from .names import nearest, not_found, problem, shown
 from .numbers import numbers, shape_of
-from .packing import inertia_numbers
 from .parameters import checked, labels
 
 _ADDRESS = re.compile(r"([^.\[\]]+)(?:\.([^.\[\]]+))?(?:\[([^\[\]]*)\])?")
