@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from gradient_scenes import SCENES
 from motion_models import five_bar, open_chain, silent, spatial_loop
-from test_gradient import FIVE_BAR, LENGTHS, differences, drift, everything, worst
+from test_gradient import FIVE_BAR, LENGTHS, differences, drift, worst
 from test_gradient_hand import against_direct
 
 EXPLICIT = {"scheme": "explicit"}
@@ -43,11 +43,17 @@ def test_an_oscillator_has_its_closed_form(method):
 SMOOTH = {five_bar: LENGTHS, open_chain: ["a.mass", "bush.k[1]"], spatial_loop: ["R1.at[0]", "spring.c", "crank.mass"]}
 
 
+def place(m):
+    """A number of the place of the last body."""
+    body = m.bodies[-1].name
+    return lambda s: np.sum(s.position(body) * [1.0, -2.0, 0.5])
+
+
 @pytest.mark.parametrize("make", list(SMOOTH), ids=lambda f: f.__name__)
 def test_value_and_gradient_have_the_order_of_the_scheme(make):
     """Of a final value and of an integral, with fixed steps; a scheme of order 7 would gain a factor of 128 a halving."""
     m = silent(make)
-    goals = [mb.Final(everything(m)), mb.Integral(everything(m))]
+    goals = [mb.Final(place(m)), mb.Integral(place(m))]
 
     def run(h):
         return mb.gradient(m, goals, SMOOTH[make], t=0.8, step=h, method="direct", **EXPLICIT)
@@ -57,7 +63,7 @@ def test_value_and_gradient_have_the_order_of_the_scheme(make):
         errors = [worst(np.asarray(g.gradient)[i], np.asarray(exact.gradient)[i]) for g in (coarse, fine)]
         order = np.log2(errors[0] / errors[1]) / np.log2(len(fine.t) / len(coarse.t))
         print(f"{make.__name__} {i}: errors {errors}, order {order:.2f}")
-        assert order > 7.5
+        assert order > 7.7
 
 
 def test_the_known_gradient_and_what_the_run_says_of_it():
@@ -90,7 +96,7 @@ def test_a_trajectory_has_its_derivatives_over_time():
 def test_checkpoints_give_the_same():
     """A motion that is not kept whole is run again between checkpoints."""
     m = silent(spatial_loop)
-    psi = mb.Integral(everything(m))
+    psi = mb.Integral(place(m))
     whole, parts = (
         mb.gradient(m, psi, SMOOTH[spatial_loop], t=0.4, step=0.02, method="adjoint", keep=keep, **EXPLICIT)
         for keep in (2**23, 0)
