@@ -26,9 +26,16 @@ SAYS = {
     "equations": (["I: 8/17/6e-10", "Newton: 3 iterations"], ["equations"]),
     "solver_words": (["the words alone", "stops after 0 steps", "all steps"], ["solver_words"]),
     "swing": (["bdf-bfgs, absolute coordinates", "lengths, mass and inertia of B are lost"], ["swing"]),
-    "rotor": (["symmetric", "inertial frame"], ["rotor_modes", "rotor_displacements", "rotor_coordinates"]),
-    "design_matrix": (["central differences"], ["design_matrix"]),
-    "projections": (["passes of a step", "behind"], ["projections"]),
+    "rotor": (["antisymmetric", "one flexible body"], ["rotor_modes"]),
+    "rotor_motion": (
+        ["40.1 m from the axis", "40.1 m from the blade's root", "one body, 9 modes", "inertial frame"],
+        ["rotor_displacements", "rotor_coordinates"],
+    ),
+    "design_matrix": (["central differences", "off by 0e+00"], ["design_matrix"]),
+    "projections": (["distance from the limit", "order 2.0 in h", "after"], ["projections"]),
+    "five_bar": (["(-4.22936, 3.21062)", "lengths 2.43192 and 1.84487 m"], ["five_bar"]),
+    "particle": (["order 2.0", "adjoint off direct"], ["particle"]),
+    "car": (["14 degrees of freedom, 25 bodies", "central difference"], ["car"]),
 }
 
 

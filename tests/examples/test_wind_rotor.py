@@ -6,6 +6,8 @@ import mbrs as mb
 import numpy as np
 import pytest
 from mbrs import reference as ref
+from mbrs.examples._whole_rotor import air_on_the_rotor, rotor_body
+from mbrs.examples._wind_rotor import AROUND, air_loads, blade_axes
 from mbrs.model.tables import tables
 from mbrs.reference.fixed_frame import Rotor, symmetric_and_antisymmetric
 from oracles import schemes
@@ -116,7 +118,7 @@ def test_step_by_step():
     history = schemes.simulate(sys, ref.drawn_state(sys), n * h, h)
     for frame, name in enumerate(traj.bodies[:6]):
         assert traj.position(name)[-1] == pytest.approx(history.positions(sys)[-1][frame], abs=1e-6), name
-    q = sys.flexible[0].coordinates(history.instants[-1].motion.state.r)
+    q = sys.flexible[0].held(history.instants[-1].motion.state.r)
     assert traj.modal("blade1")[-1] == pytest.approx(q, rel=1e-5, abs=1e-6)
 
 
@@ -145,3 +147,34 @@ def test_auto_asks_how_fast_a_flexible_body_vibrates():
     """Without springs, dampers and laws a flexible body may still be stiff."""
     route = mb.simulate(mb.examples.slider_crank(stiffness=15.0), t=0.01).stats.route
     assert "fastest vibration" in route
+
+
+def test_a_scaled_rotor_is_similar():
+    """Same material: frequencies at rest over the scale, damping ratios as they were."""
+    small, large = (mb.modes(mb.examples.wind_rotor(speed=0.0, gravity=None, scale=s)) for s in (1.0, 1.25))
+    assert large.frequency == pytest.approx(small.frequency / 1.25, rel=1e-9)
+    assert large.damping == pytest.approx(small.damping, rel=1e-7)
+
+
+@pytest.mark.parametrize("speed", [0.0, SPEED])
+def test_the_rotor_as_one_body_has_the_modes_of_the_rotor_of_bodies(speed):
+    """Nine shapes of the rotor at rest, also for the turning one, with the second order of the hub's rotations."""
+    several, one = mb.examples.wind_rotor(speed=speed, gravity=None), mb.examples.whole_rotor(speed, gravity=None)
+    found, known = (mb.modes(m, at=mb.steady_motion(m) if speed else None).frequency[:9] for m in (one, several))
+    assert found == pytest.approx(known, rel=4e-4)
+    assert one["rotor"].modal.n_modes == 9
+
+
+def test_air_on_the_rotor_as_one_body_is_that_on_its_blades():
+    """The line of the body runs through one blade after the other, a curve with corners; between them there is no load."""
+    body, blade = rotor_body(3, 1.2), mb.examples.wind_blade(4, 1.2)
+    m = mb.Model("loads")
+    whole = m.section_load(m.flexible_body("rotor", body), **air_on_the_rotor(body, SPEED, 1.0, 1.2))
+    force, moment = np.zeros(3), np.zeros(3)
+    for i, angle in enumerate(AROUND):
+        R = blade_axes(angle)
+        own = m.section_load(m.flexible_body(f"b{i}", blade), **air_loads(angle, SPEED, 1.0, 1.2))
+        force += R @ own.force[2]
+        moment += R @ own.moment[2] + np.cross(1.2 * 1.75 * R[:, 0], R @ own.force[2])
+    assert whole.force[2] == pytest.approx(force, rel=1e-10, abs=1e-6)
+    assert whole.moment[2] == pytest.approx(moment, rel=1e-6)

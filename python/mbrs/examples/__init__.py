@@ -31,6 +31,7 @@ from ._slider_crank import slider_crank
 from ._stewart import stewart_platform
 from ._swing import swing
 from ._wafer_stage import wafer_stage
+from ._whole_rotor import whole_rotor
 from ._wind_rotor import wind_blade, wind_rotor, wind_rotor_blades
 from ._windpact import windpact_blade
 
@@ -68,6 +69,7 @@ __all__ = [
     "two_tone_duffing",
     "van_der_pol",
     "wafer_stage",
+    "whole_rotor",
     "wind_blade",
     "wind_rotor",
     "wind_rotor_blades",

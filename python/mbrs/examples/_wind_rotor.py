@@ -26,6 +26,7 @@ from ._windpact import (
 )
 
 BLADES = ("blade1", "blade2", "blade3")
+AROUND = tuple(2 * np.pi * i / 3 for i in range(3))
 # Invented: the hub on the end of the shaft, N/m and N m/rad in the frame of the shaft (z along it), N s/m and N m s/rad.
 _SHAFT_K = (4e8, 4e8, 2e9, 5e8, 5e8, 1.2e8)
 _SHAFT_C = (4e5, 4e5, 2e6, 5e5, 5e5, 2e5)
@@ -38,7 +39,12 @@ _SHEAR = 0.2  # share by which a blade's loads rise at the top and fall at the b
 
 
 def wind_rotor(
-    speed: float = SPEED, modes: int = 4, gravity: float | None = 9.81, air: float | None = None, drive: bool = True
+    speed: float = SPEED,
+    modes: int = 4,
+    gravity: float | None = 9.81,
+    air: float | None = None,
+    drive: bool = True,
+    scale: float = 1.0,
 ) -> Model:
     """Three flexible blades "blade1" to "blade3" on a "hub" at the end of a flexible "shaft" in a locked "nacelle".
 
@@ -55,6 +61,9 @@ def wind_rotor(
         `Model.aerodynamics`. Their size is invented: thrust and driving force with a wind that is stronger above.
     drive
         False leaves the joint "bearing" free.
+    scale
+        Of all lengths, by similarity of the same material in the same wind: masses grow with its cube, bending stiffness with
+        its fourth power, air loads per length with itself.
 
     Returns
     -------
@@ -71,46 +80,59 @@ def wind_rotor(
     Model('wind rotor': 6 bodies, 6 joints, 0 elements, 0 loads, 0 parameters)
     """
     m = Model("wind rotor", gravity=None if gravity is None else (0.0, 0.0, -gravity))
-    axis = np.array([np.cos(TILT), 0.0, np.sin(TILT)])
-    side = np.array([0.0, 1.0, 0.0])
-    centre = -OVERHANG * axis
-    spin = tuple(speed * axis)
-    frame = _rotation(axis, side, 0.0)
-    inertia = NACELLE_YAW_INERTIA
-    nacelle = m.body("nacelle", mass=NACELLE_MASS, inertia=(inertia, inertia, inertia), at=(0, 0, 0))
-    shaft = m.body(
-        "shaft",
-        mass=_SHAFT_MASS,
-        inertia=_SHAFT_INERTIA,
-        at=0.5 * centre,
-        orientation=frame,
-        angular_velocity=spin,
-    )
+    shaft, bearing, centre, frame = add_nacelle(m, speed, scale)
     hub = m.body(
         "hub",
-        mass=HUB_MASS,
-        inertia=(HUB_INERTIA, HUB_INERTIA, HUB_INERTIA),
+        mass=HUB_MASS * scale**3,
+        inertia=(HUB_INERTIA * scale**5,) * 3,
         at=centre,
         orientation=frame,
-        angular_velocity=spin,
+        angular_velocity=tuple(speed * frame[:, 2]),
     )
-    m.fixed("yaw lock", m.ground, nacelle, at=(0, 0, 0))
-    bearing = m.revolute("bearing", nacelle, shaft, at=0.5 * centre, axis=axis)
     if drive:
         m.drive("turning", bearing, Ramp(speed))
     # six elastic coordinates of the hub in axes that turn with the shaft
-    m.free("shaft end", shaft, hub, at=centre, k=_SHAFT_K, c=_SHAFT_C, orientation=frame)
-    for i, name in enumerate(BLADES):
-        _add_blade(m, name, hub, centre, axis, side, 2 * np.pi * i / 3, speed, modes)
+    k, c = shaft_end(scale)
+    m.free("shaft end", shaft, hub, at=centre, k=k, c=c, orientation=frame)
+    for i, (name, angle) in enumerate(zip(BLADES, AROUND, strict=True)):
+        _add_blade(m, name, hub, centre, frame, angle, speed, modes, scale)
         m.marker(f"section{i + 1}", m[name].node("section"))
         if air is not None:
-            _add_air(m, name, 2 * np.pi * i / 3, speed, air)
+            m.section_load(name, **air_loads(angle, speed, air, scale), name=f"{name}-air")
     return m
 
 
+def add_nacelle(m: Model, speed: float, scale: float) -> tuple[Any, Any, np.ndarray, np.ndarray]:
+    """Nacelle, shaft and the bearing between; the shaft, the bearing, the rotor's centre and its axes: up, with the rotation, the axis."""
+    axis = np.array([np.cos(TILT), 0.0, np.sin(TILT)])
+    centre = -OVERHANG * scale * axis
+    up = np.cross(axis, (0.0, 1.0, 0.0))
+    frame = np.stack([up, np.cross(axis, up), axis], axis=1)
+    inertia = NACELLE_YAW_INERTIA * scale**5
+    nacelle = m.body("nacelle", mass=NACELLE_MASS * scale**3, inertia=(inertia, inertia, inertia), at=(0, 0, 0))
+    shaft = m.body(
+        "shaft",
+        mass=_SHAFT_MASS * scale**3,
+        inertia=tuple(scale**5 * value for value in _SHAFT_INERTIA),
+        at=0.5 * centre,
+        orientation=frame,
+        angular_velocity=tuple(speed * axis),
+    )
+    m.fixed("yaw lock", m.ground, nacelle, at=(0, 0, 0))
+    return shaft, m.revolute("bearing", nacelle, shaft, at=0.5 * centre, axis=axis), centre, frame
+
+
+def shaft_end(scale: float = 1.0) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Stiffness and damping (6,) of the hub on the shaft: forces over lengths grow with the scale, moments with its cube, times as it."""
+    share = np.repeat([1.0, scale**2], 3)
+    return tuple(scale * share * _SHAFT_K), tuple(scale**2 * share * _SHAFT_C)
+
+
 @lru_cache(maxsize=8)
-def wind_blade(modes: int = 4) -> ModalBody:
+def wind_blade(modes: int = 4, scale: float = 1.0) -> ModalBody:
     """The blade of `wind_rotor`: x outwards, y edgewise (with the rotation), z flapwise; no structural twist.
+
+    Modes of the clamped blade, and the scale of all lengths.
 
     >>> import mbrs as mb
     >>> [round(float(f), 3) for f in mb.examples.wind_blade().frequencies()]
@@ -119,13 +141,13 @@ def wind_blade(modes: int = 4) -> ModalBody:
     data = windpact_blade()
     ratio = [DAMPING["flap"], DAMPING["edge"], *[DAMPING["flap"]] * max(0, modes - 2)][:modes]
     return beam(
-        data.station,
-        mass=data.mass,
-        EI_flap=data.EI_flap,
-        EI_edge=data.EI_edge,
+        scale * data.station,
+        mass=scale**2 * data.mass,
+        EI_flap=scale**4 * data.EI_flap,
+        EI_edge=scale**4 * data.EI_edge,
         modes=modes,
         damping=ratio,
-        nodes={"section": 0.85 * data.station[-1]},
+        nodes={"section": 0.85 * scale * data.station[-1]},
     )
 
 
@@ -165,11 +187,10 @@ def wind_rotor_blades(sections: int = 16) -> list[Any]:
     return [blade(at, CHORD, twist, [thin, thick], body=name, **given) for name in BLADES]
 
 
-def _rotation(axis: np.ndarray, side: np.ndarray, angle: float) -> np.ndarray:
-    """Columns: outwards at this angle, with the rotation, along the axis; angle 0 points up."""
-    up = np.cross(axis, side)
-    out = np.cos(angle) * up + np.sin(angle) * np.cross(axis, up)
-    return np.stack([out, np.cross(axis, out), axis], axis=1)
+def blade_axes(angle: float) -> np.ndarray:
+    """Axes of a blade at an angle in those of the rotor, as columns: outwards, with the rotation, along the rotor's axis."""
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
 def _add_blade(
@@ -177,29 +198,29 @@ def _add_blade(
     name: str,
     hub: Any,
     centre: np.ndarray,
-    axis: np.ndarray,
-    side: np.ndarray,
+    frame: np.ndarray,
     angle: float,
     speed: float,
     modes: int,
+    scale: float,
 ) -> None:
-    R = _rotation(axis, side, angle)
+    R, root = frame @ blade_axes(angle), scale * HUB_RADIUS
     blade = m.flexible_body(
         name,
-        wind_blade(modes),
-        at=centre + HUB_RADIUS * R[:, 0],
+        wind_blade(modes, scale),
+        at=centre + root * R[:, 0],
         orientation=R,
-        velocity=speed * HUB_RADIUS * R[:, 1],
-        angular_velocity=speed * axis,
+        velocity=speed * root * R[:, 1],
+        angular_velocity=speed * R[:, 2],
     )
     m.fixed(f"root of {name}", hub, blade.node("root"))
 
 
-def _add_air(m: Model, name: str, angle: float, speed: float, until: float) -> None:
-    """A table over time: the air load of the place where the blade is then."""
-    length = windpact_blade().station[-1]
+def air_loads(angle: float, speed: float, until: float, scale: float = 1.0) -> dict[str, Any]:
+    """Stations, table and times of the air loads of a blade that starts at an angle: those of the place where it is then."""
+    length = scale * windpact_blade().station[-1]
     turn = 2 * np.pi / speed
     times = np.linspace(0.0, until, max(2, int(np.ceil(8 * until / turn)) + 1))
     height = 1.0 + _SHEAR * np.cos(angle + speed * times)
-    load = np.stack([np.zeros(len(_AIR_AT)), _AIR_DRIVE, _AIR_THRUST], axis=1)
-    m.section_load(name, np.array(_AIR_AT) * length, height[:, None, None] * load, times=times, name=f"{name}-air")
+    load = scale * np.stack([np.zeros(len(_AIR_AT)), _AIR_DRIVE, _AIR_THRUST], axis=1)
+    return {"stations": np.array(_AIR_AT) * length, "table": height[:, None, None] * load, "times": times}
