@@ -35,8 +35,13 @@ CASES = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("scheme", ["ali3p", "generalized-alpha"])
-@pytest.mark.parametrize("name", CASES)
+# the modes of the flexible vane are too stiff for explicit steps of this length
+SCHEMES = [(name, scheme) for name in CASES for scheme in ("ali3p", "generalized-alpha")] + [
+    ("rigid, momentum", "explicit")
+]
+
+
+@pytest.mark.parametrize("name, scheme", SCHEMES)
 def test_gradients_in_wind_are_exact(name, scheme):
     make, what, parameters, without = CASES[name]
     given = {"t": 0.1, "step": 0.01, "scheme": scheme, "without": without}

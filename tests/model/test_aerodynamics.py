@@ -74,6 +74,10 @@ BAD = {
     "must be a finite number": {"wind": {"speed": np.nan, "direction": "x"}},
     "air.speed must not be negative, got -3": {"wind": {"speed": -3.0}},
     "air.shear must not be negative": {"wind": {"speed": 3.0, "shear": -0.2, "reference_height": 80.0}},
+    "air.options belong to inflows with steps of their own, got stall with 'bem'": {
+        "inflow": "bem",
+        "options": {"stall": 4.0},
+    },
     "has shear and no reference_height": {"wind": {"speed": 3.0, "shear": 0.2}},
     "has no entry 'velocity'": {"wind": {"velocity": 3.0}},
     "must be what mb.aero.wind gives": {"wind": 3.0},

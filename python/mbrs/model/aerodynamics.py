@@ -307,7 +307,7 @@ def aerodynamics(
     polars
         Tables that ``blades`` as plain data refer to; a file has them.
     options
-        Of wakes, as of `mbrs.aero.rotor_wake`.
+        Of inflows with steps of their own: "dynamic-inflow" has ``steps``, wakes have those of `mbrs.aero.rotor_wake`.
 
     Returns
     -------
@@ -339,6 +339,11 @@ def aerodynamics(
     for what, value, known in (("inflow", inflow, INFLOWS), ("coupling", coupling, COUPLINGS)):
         if value not in known:
             raise problem(f"{name}.{what}", f"must be one of {', '.join(known)}, got {shown(value)}")
+    if options and inflow not in STEPPED:
+        raise problem(
+            f"{name}.options",
+            f"belong to inflows with steps of their own, got {', '.join(options)} with {shown(inflow)}",
+        )
     air.inflow, air.coupling, air.options = inflow, coupling, dict(options or {})
     air.blades, air.polars = _plain_blades(name, blades, polars)
     speed, shear, height, *vectors, ground = _wind(name, wind)
