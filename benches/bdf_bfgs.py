@@ -1,4 +1,5 @@
-"""`bdf-bfgs` beside Newton's method: error and counts at equal steps; ``--write`` puts it into docs/root.md.
+"""`bdf-bfgs` beside Newton's method: error and counts at equal steps, time and counts at equal error; ``--write`` puts
+both into docs/root.md.
 
 python benches/bdf_bfgs.py [--write]
 """
@@ -6,11 +7,14 @@ python benches/bdf_bfgs.py [--write]
 from __future__ import annotations
 
 import sys
+import time
 import warnings
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import mbrs as mb
+import numpy as np
 
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT / "tests" / "models"))
@@ -47,6 +51,107 @@ def row(problem: zoo.MotionProblem, name: str, options: dict[str, Any]) -> str:
     )
 
 
+# Equal error: rad of B's angle in the swing, m of a point of a blade in the rotor.
+EQUAL, RUNS = 1e-6, 3
+TOLERANCES = (1e-4, 3e-5, 1e-5, 3e-6, 1e-6, 3e-7, 1e-7, 3e-8, 1e-8, 3e-9, 1e-9)
+CONTROLLED: dict[str, dict[str, Any]] = {
+    "bdf (Newton)": {"method": "bdf"},
+    "bdf-bfgs, ggl, auto": {"method": "bdf-bfgs"},
+    "bdf-bfgs, symmetric, bfgs": {"method": "bdf-bfgs", "form": "symmetric", "update": "bfgs"},
+    "bdf-bfgs, symmetric, broyden": {"method": "bdf-bfgs", "form": "symmetric", "update": "broyden"},
+}
+# the model, its end (s), and what is compared
+Read = Callable[[mb.Trajectory], np.ndarray]
+
+
+def swing() -> tuple[mb.Model, float, Read]:
+    return mb.examples.swing(), 5.0, lambda traj: traj.joint("m") + traj.joint("n")
+
+
+def rotor() -> tuple[mb.Model, float, Read]:
+    return mb.examples.wind_rotor(air=12.0), 6.0, lambda traj: traj.point("section1")
+
+
+def run(model: mb.Model, end: float, read: Read, known: np.ndarray, options: dict[str, Any]) -> dict[str, float]:
+    """Error at eleven instants, the least CPU time (ms) of several runs, and counts."""
+    t, seconds = np.linspace(0.0, end, 11), np.inf
+    for _ in range(RUNS):
+        begin = time.process_time()
+        traj = mb.simulate(model, t=t, **options)
+        seconds = min(seconds, time.process_time() - begin)
+    counts = traj.stats.counts
+    steps = counts["steps"]
+    residuals = counts.get("residual evaluations", 0)
+    forces = counts["force evaluations"]
+    return {
+        "error": float(np.abs(read(traj) - known).max()),
+        "ms": 1e3 * seconds,
+        "steps": steps,
+        "forces": forces,
+        "start": forces - residuals if residuals else 0,
+        "formations": counts.get("inverse formations", counts.get("tangents", 0)),
+    }
+
+
+def at_equal_error(found: list[dict[str, float]]) -> dict[str, float]:
+    """Every number where the error passes EQUAL for the last time, by straight lines over the logarithms; none where it does not."""
+    error = np.log([row["error"] for row in found])
+    passes = [i for i in range(len(error) - 1) if error[i] >= np.log(EQUAL) >= error[i + 1]]
+    if not passes:
+        return {}
+    k = passes[-1]
+    share = (error[k] - np.log(EQUAL)) / (error[k] - error[k + 1])
+    return {name: (1 - share) * found[k][name] + share * found[k + 1][name] for name in found[0] if name != "error"}
+
+
+def equal_error() -> list[str]:
+    heads = [
+        "scene",
+        "method",
+        "CPU ms",
+        "over Newton's",
+        "steps",
+        "over Newton's",
+        "force evaluations",
+        "of them for the start",
+    ]
+    heads += ["a step beyond", "formations or tangents"]
+    lines = [f"| {' | '.join(heads)} |", f"|{' --- |' * len(heads)}"]
+    for scene, make in (("swing, 5 s, 1e-6 rad", swing), ("flexible rotor, 6 s, 1e-6 m", rotor)):
+        model, end, read = make()
+        known = read(mb.simulate(model, t=np.linspace(0.0, end, 11), method="explicit", rtol=1e-12))
+        newton: dict[str, float] = {}
+        for way, options in CONTROLLED.items():
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                found = []
+                for rtol in TOLERANCES:
+                    found.append(run(model, end, read, known, options | {"rtol": rtol}))
+                    if found[-1]["error"] < EQUAL / 3:
+                        break
+            print(scene, way, [f"{row['error']:.0e}: {row['ms']:.1f} ms" for row in found], flush=True)
+            row = at_equal_error(found)
+            if not row:
+                lines.append(f"| {scene} | {way} | does not pass {EQUAL:g} |{' |' * (len(heads) - 3)}")
+                continue
+            newton = newton or row
+            share = row["steps"] / newton["steps"]
+            beyond = (row["forces"] - row["start"]) / row["steps"]
+            lines.append(
+                f"| {scene} | {way} | {row['ms']:.1f} | {row['ms'] / newton['ms']:.1f} | {row['steps']:.0f} | "
+                f"{share:.1f} | {row['forces']:.0f} | {row['start']:.0f} | {beyond:.1f} | {row['formations']:.0f} |"
+            )
+    return lines
+
+
+def put(path: Path, mark: str, lines: list[str]) -> None:
+    """Replace what lies between two comments."""
+    text = path.read_text(encoding="utf-8")
+    begin, end = f"<!-- {mark} begins -->", f"<!-- {mark} ends -->"
+    head, tail = text.split(begin)[0], text.split(end)[1]
+    path.write_text(f"{head}{begin}\n" + "\n".join(lines) + f"\n{end}{tail}", encoding="utf-8")
+
+
 def main(write: bool) -> None:
     lines = [
         "| problem | method | error, m | evaluations per step | formations or tangents | fallback steps |",
@@ -57,12 +162,11 @@ def main(write: bool) -> None:
         for way, options in WAYS.items():
             lines.append(row(problem, way, options))
             print(lines[-1], flush=True)
+    equal = equal_error()
+    print("\n".join(equal))
     if write:
-        path = ROOT / "docs" / "root.md"
-        text = path.read_text(encoding="utf-8")
-        begin, end = "<!-- motion begins -->", "<!-- motion ends -->"
-        head, tail = text.split(begin)[0], text.split(end)[1]
-        path.write_text(f"{head}{begin}\n" + "\n".join(lines) + f"\n{end}{tail}", encoding="utf-8")
+        put(ROOT / "docs" / "root.md", "motion", lines)
+        put(ROOT / "docs" / "root.md", "equal error", equal)
 
 
 if __name__ == "__main__":

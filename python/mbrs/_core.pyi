@@ -51,8 +51,10 @@ __all__ = [
     "motion_air",
     "motion_breaks",
     "motion_directions",
+    "motion_is_explicit",
     "motion_of_element",
     "motion_of_joint",
+    "motion_quadrature",
     "motion_quantities",
     "motion_reactions",
     "operation",
@@ -254,6 +256,16 @@ def motion_breaks(system: System, start: float) -> list[float]: ...
 def motion_directions(
     system: System, q: _F1, rate: _F1, without: Sequence[str], options: dict[str, Any]
 ) -> dict[str, Any]: ...
+def motion_is_explicit(
+    system: System,
+    q: _F1,
+    rate: _F1,
+    memory: Sequence[float],
+    without: Sequence[str],
+    span: tuple[float, float],
+    step: float | None = None,
+) -> bool: ...
+def motion_quadrature(scheme: str) -> tuple[float, float, list[tuple[float, float]]]: ...
 def motion_of_element(
     system: System, element: int, t: _F1, q: _F2, rate: _F2, memory: _F2, without: Sequence[str]
 ) -> _F3: ...

@@ -32,7 +32,10 @@ SAYS = {
         ["rotor_displacements", "rotor_coordinates"],
     ),
     "design_matrix": (["central differences", "off by 0e+00"], ["design_matrix"]),
-    "projections": (["passes of a step", "behind"], ["projections"]),
+    "projections": (["distance from the limit", "order 2.0 in h", "after"], ["projections"]),
+    "five_bar": (["(-4.22936, 3.21062)", "lengths 2.43192 and 1.84487 m"], ["five_bar"]),
+    "particle": (["order 2.0", "adjoint off direct"], ["particle"]),
+    "car": (["14 degrees of freedom, 25 bodies", "central difference"], ["car"]),
 }
 
 

@@ -107,6 +107,94 @@ def test_the_mass_follows_in_motion():
     assert np.linalg.norm(ends[0]) > 1e-3 and ends[0] == pytest.approx(ends[1], abs=2e-3 * np.linalg.norm(ends[1]))
 
 
+def boom(length, parametric=False, **options):
+    """A boom with everything that a beam can have, a tip mass on its node, a middle node on a spring, turning if ``rate`` says so."""
+    rate = options.pop("rate", 0.0)
+    m = mb.Model("boom", gravity=(0.0, -2.0, -9.0))
+    L = m.parameter("L", length) if parametric else length
+    section = {"E": 7e10, "G": 2.6e10, "rho": 2700.0, "area": 2e-4, "I_flap": 3e-9, "I_edge": 8e-9, "J": 5e-9}
+    # places are typed for a boom of 1.2 m and keep their share of the length
+    beam = mb.flexible.beam(
+        L,
+        **section,
+        twist=0.4,
+        modes=8,
+        elements=8,
+        attach=["tip"],
+        nodes={"middle": 0.5 * length},
+        damping=0.01,
+        **options,
+    )
+    s = m.flexible_body("boom", beam, at=(0.1, 0.2, 0.3), angular_velocity=(0.0, 0.0, rate))
+    m.fixed("root", m.ground, s.node("root")) if not rate else m.revolute(
+        "root", m.ground, s.node("root"), axis=(0, 0, 1)
+    )
+    if rate:
+        m.drive("turning", "root", mb.Ramp(rate))
+    end = m.body(
+        "end",
+        mass=0.3,
+        inertia=(2e-4, 3e-4, 4e-4),
+        at=(0.1 + L, 0.2, 0.3),
+        angular_velocity=(0, 0, rate),
+        velocity=(0, rate * L, 0),
+    )
+    m.fixed("bolt", s.node("tip"), end)
+    if not rate:
+        m.spring_damper(
+            "stay",
+            m.ground,
+            s.node("middle"),
+            at=((0.1 + 0.5 * L, 1.2, 0.3), (0.1 + 0.5 * L, 0.2, 0.3)),
+            k=900.0,
+            c=2.0,
+        )
+    return m
+
+
+def test_length_of_a_cantilever():
+    """f goes with L^-2, its damping ratio stays."""
+    m = mb.Model("cantilever")
+    L = m.parameter("L", 1.3)
+    beam = mb.flexible.beam(L, mass=1.6, EI_flap=350.0, EI_edge=1400.0, modes=3, elements=6, damping=0.02)
+    m.fixed("clamp", m.ground, m.flexible_body("beam", beam).node("root"))
+    modes = mb.modes(m)
+    s = mb.sensitivity(modes, ["L"])
+    assert 1.3 * s.frequency[:, 0] / modes.frequency == pytest.approx(-2.0 * np.ones(3), abs=1e-9)
+    assert np.abs(s.damping).max() < 1e-12
+    before = modes.frequency
+    m.set({"L": 2.6})
+    assert mb.modes(m).frequency == pytest.approx(before / 4, rel=1e-9)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("theory", ["euler-bernoulli", "timoshenko"])
+@pytest.mark.parametrize("rate", [0.0, 6.0])
+def test_length_of_a_boom_built_again(theory, rate):
+    """Derivatives by the length against booms built again, at rest and turning (stiffened, with nodes that move along)."""
+    h = 1e-4
+    m = boom(1.2, parametric=True, theory=theory, rate=rate)
+    upper, lower, same = (boom(1.2 + e, theory=theory, rate=rate) for e in (h, -h, 0.0))
+
+    def found(model):
+        at = mb.steady_motion(model, without=["gravity"]) if rate else mb.equilibrium(model)
+        return mb.modes(model, at=at, without=["gravity"] if rate else ())
+
+    modes = found(m)
+    assert modes.frequency == pytest.approx(found(same).frequency, rel=1e-9)
+    differences = (found(upper).frequency - found(lower).frequency) / (2 * h)
+    # the shapes are kept: high modes are off by the change of theirs
+    low = slice(0, 4)
+    if not rate:
+        s = mb.sensitivity(modes, ["L"]).frequency[low, 0]
+        assert s == pytest.approx(differences[low], rel=2e-3)
+    m.set({"L": 1.2 + h})
+    moved = (found(m).frequency - modes.frequency) / h
+    assert moved[low] == pytest.approx(differences[low], rel=4e-3)
+    if not rate:
+        assert m["boom"].node("tip").at == pytest.approx([1.3 + h, 0.2, 0.3], abs=1e-12)
+
+
 @pytest.mark.parametrize("way", ["pickle", "toml"])
 def test_models_of_such_beams_are_kept(way, tmp_path):
     m = cantilever()
@@ -119,8 +207,13 @@ def test_models_of_such_beams_are_kept(way, tmp_path):
 def test_what_changes_the_mesh_is_refused():
     m = mb.Model("x")
     L = m.parameter("L", 1.0)
-    with pytest.raises(mb.ModelError, match=r"length is a number.*build the beam again"):
-        mb.flexible.beam(L, mass=1.0, EI_flap=1.0, EI_edge=1.0)
+    with pytest.raises(mb.ModelError, match=r"stations are numbers.*build the beam again"):
+        mb.flexible.beam([0.0, 0.5, L], mass=1.0, EI_flap=1.0, EI_edge=1.0)
+    with pytest.raises(mb.ModelError, match=r"twist is a number.*build the beam again"):
+        mb.flexible.beam(1.0, mass=1.0, EI_flap=1.0, EI_edge=1.0, twist=L)
+    long = m.flexible_body("long", mb.flexible.beam(L, mass=1.0, EI_flap=1.0, EI_edge=1.0, elements=6, modes=2))
+    with pytest.raises(mb.ModelError, match="does not follow the length"):
+        m.section_load(long, [0.0, 1.0], [[0, 0, 1.0], [0, 0, 1.0]])
     with pytest.raises(mb.ModelError, match="stiffening=False"):
         mb.flexible.beam([0.0, 0.5, 1.0], mass=np.array([1.0, 1.0, 2.0 * L]), EI_flap=1.0, EI_edge=1.0, fixed=None)
     beam = mb.flexible.beam(1.0, mass=L, EI_flap=1.0, EI_edge=1.0, elements=6, modes=2)

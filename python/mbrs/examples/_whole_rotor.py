@@ -137,7 +137,7 @@ class _Shapes:
         self._draw()
 
     def places(self, i: int) -> slice:
-        """Those of a blade among all shapes."""
+        """The slice of a blade among all shapes."""
         return slice(_HUB + i * self.blade.n_modes, _HUB + (i + 1) * self.blade.n_modes)
 
     def _integrate(self) -> None:

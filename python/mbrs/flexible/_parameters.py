@@ -7,6 +7,9 @@ so that
 
 e_c the expressions among the properties. The reduced matrices are then those of Rayleigh and Ritz with kept shapes; derivatives of
 frequencies by p are those of the whole beam as far as the shapes hold its motion (the quotient is stationary in them).
+
+A length L stretches the mesh by r = L/L_0: displacements keep their values at the same share of the length, so that slopes and
+rotations across the beam get 1/r, and every integral is a sum of powers of r.
 """
 
 from __future__ import annotations
@@ -26,6 +29,8 @@ Array = np.ndarray
 _INERTIA = ("mass", "inertia_flap", "inertia_edge")
 # an expression of a parameter, and its weights at the stations
 Channel = tuple[Any, Array]
+# parts of an array by their powers of the stretch
+Parts = dict[int, Array]
 
 
 def is_expression(value: Any) -> bool:
@@ -58,33 +63,120 @@ def channels(parts: Sequence[Any], n: int) -> list[Channel]:
 
 
 def driven(
-    grid: Mesh, T: Array, base: dict[str, Array], found: dict[str, list[Channel]], x: Array, clamped: bool, damping: Any
+    grid: Mesh,
+    T: Array,
+    base: dict[str, Array],
+    found: dict[str, list[Channel]],
+    x: Array,
+    clamped: bool,
+    damping: Any,
+    stretch: Any = None,
 ) -> dict[str, Array]:
     """Arrays of numbers and expressions in place of those of ``base`` (mass, com, inertia, S, P1, P2, K, C, KG)."""
+    stiffened = bool(np.any(base["KG"]))
+    powers = _powers(stretch)
     out = {name: base[name].astype(object) for name in ("S", "P1", "P2", "K", "KG")}
-    mass, first, second, own = (np.asarray(a).astype(object) for a in rigid_moments(grid))
+    totals = [np.asarray(a).astype(object) for a in rigid_moments(grid)]
+    if stretch is not None:
+        own = _inertia_parts(grid, T, clamped, grid if stiffened else None) | {"K": _stiffness_parts(grid, T)}
+        for key, parts in own.items():
+            for power, coefficients in parts.items():
+                _add(out[key], coefficients, powers[power] - 1.0)
+        _add_rigid(totals, grid, [powers[power] - 1.0 for power in _RIGID_POWERS])
     for name, several in found.items():
         for e, weights in several:
             part = _part(grid, name, weights, x)
-            if not clamped and name == "mass" and np.any(base["KG"]) and not _in_place(part, grid):
+            if not clamped and name == "mass" and stiffened and not _in_place(part, grid):
                 raise ModelError(
                     "beam: a mass that shifts along a free beam as parameters change moves the centre about which it is stiffened; "
                     "leave out one of both: stiffening=False"
                 )
             change = e - e.value
             if name not in _INERTIA:
-                _add(out["K"], _strained(part, T), change)
+                _add_parts(out["K"], _stiffness_parts(part, T), change, powers)
                 continue
-            for key, coefficients in shape_integrals(part, T).items():
-                _add(out[key], coefficients, change)
-            if np.any(base["KG"]):
-                _add(out["KG"], inertial_stiffness(part, T, clamped, grid), change)
-            moments = rigid_moments(part)
-            for total, coefficient in zip((mass, first, second, own), moments, strict=True):
-                _add(total, np.asarray(coefficient), change)
-    out |= _rigid(mass[()], first[()], second[()], own)
+            for key, parts in _inertia_parts(part, T, clamped, grid if stiffened else None).items():
+                _add_parts(out[key], parts, change, powers)
+            _add_rigid(totals, part, [powers[power] * change for power in _RIGID_POWERS])
+    mass, first, second, section = totals
+    out |= _rigid(mass[()], first[()], second[()], section)
     out["C"] = _damping(damping, out["K"], out["P2"], np.sqrt(np.diag(base["K"])))
     return out
+
+
+# Powers of the stretch: mass, int rho x, int rho x^2, int rho s s^T.
+_RIGID_POWERS = (1, 2, 3, 1)
+# Rows of a section's motion: translations, rotation about the beam, rotations across it, which get 1/r.
+_MOVED, _ABOUT, _ACROSS = (0, 1, 2), (3,), (4, 5)
+# Rows of its strains: u', shear and twist, and curvatures.
+_SLOPES, _CURVATURES = slice(0, 4), slice(4, 6)
+
+
+def _powers(stretch: Any) -> dict[int, Any]:
+    """The powers of the stretch that integrals have."""
+    if stretch is None:
+        return dict.fromkeys(range(-3, 4), 1.0)
+    inverse, square = 1.0 / stretch, stretch * stretch
+    return {-3: inverse * inverse * inverse, -1: inverse, 0: 1.0, 1: stretch, 2: square, 3: square * stretch}
+
+
+def stretched_nodes(at: Array, shape: Array, stretch: Any) -> dict[str, Array]:
+    """Places (n, 3) and shapes (n, 6, m) of nodes of a beam that is stretched."""
+    place, bent = at.astype(object), shape.astype(object)
+    _add(place, at, stretch - 1.0)
+    across = np.zeros_like(shape)
+    across[:, _ACROSS] = shape[:, _ACROSS]
+    _add(bent, across, 1.0 / stretch - 1.0)
+    return {"node_position": place, "node_shape": bent}
+
+
+def _stiffness_parts(part: Mesh, T: Array) -> Parts:
+    """T^T K T by powers: strains are slopes, or curvatures of displacements, over the length."""
+    return {-1: _strained(part, T, _SLOPES), -3: _strained(part, T, _CURVATURES)}
+
+
+def _inertia_parts(part: Mesh, T: Array, clamped: bool, whole: Mesh | None) -> dict[str, Parts]:
+    """S, P1, P2 and, about the centre of a whole, KG by powers."""
+    kinds = {
+        kind: _only(part, rows) for kind, rows in (("t", _MOVED), ("a", _ABOUT), ("x", _ACROSS), ("ax", (3, 4, 5)))
+    }
+    of = {kind: shape_integrals(mesh, T) for kind, mesh in kinds.items()}
+    out: dict[str, Parts] = {
+        "S": {1: of["t"]["S"]},
+        "P1": {2: of["t"]["P1"], 1: of["a"]["P1"], 0: of["x"]["P1"]},
+        "P2": _squares({kind: found["P2"] for kind, found in of.items()}),
+    }
+    out["P2"][1] = out["P2"][1] + of["t"]["P2"]
+    if whole is not None:
+        KG = {kind: inertial_stiffness(mesh, T, clamped, whole) for kind, mesh in kinds.items()}
+        # the axial force of an even field grows with r, that of a linear one with r^2; both act on squares of slopes
+        even, linear = KG["t"].copy(), KG["t"].copy()
+        even[3:], linear[:3] = 0.0, 0.0
+        squares = _squares({kind: found - KG["t"] for kind, found in KG.items()})
+        out["KG"] = squares | {0: squares[0] + even, 1: squares[1] + linear}
+    return out
+
+
+def _squares(of: dict[str, Array]) -> Parts:
+    """A square of rotations by powers: those about the beam, mixed ones, those across."""
+    return {1: of["a"], 0: of["ax"] - of["a"] - of["x"], -1: of["x"]}
+
+
+def _only(part: Mesh, rows: tuple[int, ...]) -> Mesh:
+    """The same mesh with some rows of the motion of its sections alone."""
+    keep = np.zeros((6, 1))
+    keep[list(rows)] = 1.0
+    return dataclasses.replace(part, points=tuple(dataclasses.replace(p, N=keep * p.N) for p in part.points))
+
+
+def _add_parts(total: Array, parts: Parts, change: Any, powers: dict[int, Any]) -> None:
+    for power, coefficients in parts.items():
+        _add(total, coefficients, powers[power] * change)
+
+
+def _add_rigid(totals: list[Array], part: Mesh, changes: list[Any]) -> None:
+    for total, coefficient, change in zip(totals, rigid_moments(part), changes, strict=True):
+        _add(total, np.asarray(coefficient), change)
 
 
 def _part(grid: Mesh, name: str, weights: Array, x: Array) -> Mesh:
@@ -98,12 +190,12 @@ def _part(grid: Mesh, name: str, weights: Array, x: Array) -> Mesh:
     return dataclasses.replace(grid, points=tuple(only(p) for p in grid.points))
 
 
-def _strained(part: Mesh, T: Array) -> Array:
-    """T^T K T."""
+def _strained(part: Mesh, T: Array, rows: slice) -> Array:
+    """T^T K T of some of the strains."""
     out = np.zeros((T.shape[1], T.shape[1]))
     for p in part.points:
-        strains = p.B @ T[p.dofs]
-        out += p.weight * strains.T @ p.section.stiffness(part.shear) @ strains
+        strains = (p.B @ T[p.dofs])[rows]
+        out += p.weight * strains.T @ p.section.stiffness(part.shear)[rows, rows] @ strains
     symmetric: Array = 0.5 * (out + out.T)
     return symmetric
 

@@ -12,7 +12,7 @@ from .._lib.checks import choice, count, flag, names, shown, sized_array
 from ..errors import ModelError
 from ._elements import Mesh, Section, mesh
 from ._integrals import inertial_stiffness, rigid_body, shape_integrals
-from ._parameters import Channel, channels, driven, plain
+from ._parameters import Channel, channels, driven, plain, stretched_nodes
 from ._reduction import reduced_shapes
 from .modal_body import ModalBody
 
@@ -89,8 +89,9 @@ def beam(
     damping
         Ratio of critical damping of all modes, or (m,) of each; none by default.
 
-        Every property but ``length``, ``twist`` and ``shear_factor`` may be a parameter of a model, or hold some:
-        E=m.parameter("E", 2.1e11). The body then follows them, on the shapes of the present values.
+        Every property but ``twist`` and ``shear_factor`` may be a parameter of a model, or hold some: E=m.parameter("E",
+        2.1e11). The body then follows them, on the shapes of the present values. ``length`` may be one where properties
+        are constant along the beam; nodes keep their share of it, section loads and air are refused then.
     nodes
         Names and places x (m) of points to attach to, beside "root" and "tip".
     attach
@@ -123,10 +124,10 @@ def beam(
     >>> np.round(rod.frequencies() * 2 * np.pi, 5)    # 1.875104^2 times 1 and 2
     array([3.51602, 7.03203])
     """
-    for name, fixed_number in (("length", length), ("twist", twist), ("shear_factor", shear_factor)):
-        if np.any(plain(fixed_number) is not fixed_number):
+    for name, fixed_number in (("twist", twist), ("shear_factor", shear_factor)):
+        if plain(fixed_number) is not fixed_number:
             raise ModelError(f"beam: {name} is a number; a parameter there changes the mesh: build the beam again")
-    x = _stations(length)
+    x, stretch = _stretched(length)
     theory = choice("theory", theory, THEORIES)
     shear = theory == "timoshenko"
     material = dict(E=E, G=G, rho=rho, area=area, I_flap=I_flap, I_edge=I_edge, J=J, shear_factor=shear_factor)
@@ -151,7 +152,21 @@ def beam(
         theory,
         x,
         found,
+        stretch,
     )
+
+
+def _stretched(length: Any) -> tuple[Array, Any]:
+    """Stations now, and the length over that now where it is an expression."""
+    now = plain(length)
+    if now is length:
+        return _stations(length), None
+    if np.ndim(now):
+        raise ModelError(
+            "beam: stations are numbers; a parameter among them changes the mesh: build the beam again, or give one "
+            "length, along which properties are constant"
+        )
+    return _stations(now), length / now
 
 
 def _expressions(name: str, given: dict[str, Any], n: int, shear: bool) -> list[Channel]:
@@ -287,6 +302,7 @@ def _reduced(
     theory: str,
     x: Array,
     found: dict[str, list[Channel]],
+    stretch: Any,
 ) -> ModalBody:
     absent = [i for i, name in ((0, "EA"), (3, "GJ")) if not np.any(properties[name])]
     at = {name: int(np.argmin(np.abs(grid.x - place))) for name, place in places.items()}
@@ -313,14 +329,18 @@ def _reduced(
         K=np.diag(square),
         KG=inertial_stiffness(grid, T, bool(fixed)) if stiffening else np.zeros((12, m, m)),
     )
-    depends = bool(found) or plain(damping) is not damping
+    clamped, nodes_follow = bool(fixed), {}
+    if stretch is not None:
+        nodes_follow = stretched_nodes(where[at_nodes], line[at_nodes], stretch)
+    depends = bool(found or nodes_follow) or plain(damping) is not damping
+    follows = driven(grid, T, integrals, found, x, clamped, damping, stretch) if depends else {}
     return ModalBody(
         mass=mass,
         com=com,
         inertia=inertia,
         **integrals,
         C=modal_damping(plain(damping), np.sqrt(square), "beam"),
-        driven=driven(grid, T, integrals, found, x, bool(fixed), damping) if depends else {},
+        driven=follows | nodes_follow,
         nodes=tuple(at),
         node_position=where[at_nodes],
         node_shape=line[at_nodes],

@@ -88,13 +88,13 @@ class FlexibleBody(Body):
         """World coordinates of a node as drawn, expressions where the body's place is one."""
         e, (w, x, y, z) = self.entries("at"), self.entries("orientation")
         s = 2.0 / (w * w + x * x + y * y + z * z)
-        p = [float(v) for v in self.modal.node_position[index]]
+        p = self.integrals.entries_of_node(index)
         rows = (
             (1.0 - s * (y * y + z * z), s * (x * y - w * z), s * (x * z + w * y)),
             (s * (x * y + w * z), 1.0 - s * (x * x + z * z), s * (y * z - w * x)),
             (s * (x * z - w * y), s * (y * z + w * x), 1.0 - s * (x * x + y * y)),
         )
-        return [e[i] + sum((r * v for r, v in zip(rows[i], p, strict=True) if v), 0.0) for i in range(3)]
+        return [e[i] + sum((r * v for r, v in zip(rows[i], p, strict=True) if not _is_zero(v)), 0.0) for i in range(3)]
 
     def node_at(self, point: Sequence[Number], where: str) -> int:
         """The node drawn at a world point."""
@@ -166,6 +166,11 @@ class ShapeNumbers(Item):
                 slots = tuple((start + i,) for i in range(n))
                 out[field.name] = Group(slots, (self.m, self.m), ("",) * n, store="flexible", checked=False)
         return out
+
+    def entries_of_node(self, index: int) -> list[Number]:
+        """Place (3,) of a node from the body's origin, body axes, numbers or the expressions that drive them."""
+        start = self.node_start(index) + NODE.slice("position", self.m).start
+        return self.model.stores[self.store].entries(start, 3)
 
     def node_start(self, index: int) -> int:
         """Index in the store of the first number of a node."""
@@ -242,18 +247,28 @@ def _chosen(name: str, modal: ModalBody, modes: Any) -> ModalBody:
         **dict.fromkeys(("P2", "K", "C"), lambda a: a[pick]),
         "KG": lambda a: a[:, places][:, :, places],
     }
+    several = cut | {"node_shape": lambda a: a[..., places]}
     return replace(
         modal,
         **{part: some(getattr(modal, part)) for part, some in cut.items()},
-        driven={part: cut[part](a) if part in cut else a for part, a in modal.driven.items()},
+        driven={part: several.get(part, _as_it_is)(a) for part, a in modal.driven.items()},
         node_shape=modal.node_shape[..., places],
         line_shape=modal.line_shape[..., places],
     )
 
 
+def _is_zero(v: Number) -> bool:
+    return isinstance(v, float) and v == 0.0
+
+
+def _as_it_is(a: Any) -> Any:
+    return a
+
+
 def _numbers_of(modal: ModalBody) -> list[Number]:
     parts = [modal.driven.get(name, getattr(modal, name)) for name in ("S", "P1", "P2", "K", "C", "KG")]
-    nodes = [np.r_[p, s.ravel()] for p, s in zip(modal.node_position, modal.node_shape, strict=True)]
+    at, shape = (modal.driven.get(name, getattr(modal, name)) for name in ("node_position", "node_shape"))
+    nodes = [np.concatenate([p, s.ravel()]) for p, s in zip(at, shape, strict=True)]
     return np.concatenate([part.ravel() for part in (*parts, *nodes)]).tolist()  # type: ignore[no-any-return]
 
 

@@ -117,6 +117,10 @@ class _Line:
 def line_of(label: str, modal: ModalBody) -> tuple[np.ndarray, np.ndarray]:
     """Distances (n,) along the line of a flexible body and its points (n, 3), m."""
     points = modal.line_position
+    if "node_position" in modal.driven:
+        raise problem(
+            label, "does not follow the length of its body, which is a parameter; load its nodes, or give a number"
+        )
     if len(points) < 2:
         raise problem(label, "needs points along the body: a ModalBody with line_position= and line_shape=, or nodes")
     along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])

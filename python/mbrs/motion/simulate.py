@@ -254,6 +254,12 @@ def simulate(
         if absolute:
             raise ModelError('a motion in coordinates="absolute" has no sensitivities; leave out one of both')
         method = _with_sensitivities(method)
+        if method == "explicit":
+            if coordinates == "independent":
+                raise ModelError(
+                    'a motion in coordinates="independent" has no sensitivities; leave out coordinates= or parameters='
+                )
+            coordinates = "tree"
         if not isinstance(parameters, (str, Sequence)):
             raise ModelError(f"parameters= takes an address or a list of them, got {shown(parameters)}")
         directions(m, parameters)
@@ -367,10 +373,10 @@ def _penalised(method: str, penalty: Any, passes: Any, parameters: Any) -> dict[
 
 
 def _with_sensitivities(method: str) -> str:
-    if method not in ("auto", "ali3p", "generalized-alpha"):
+    if method not in ("auto", "explicit", "ali3p", "generalized-alpha"):
         raise ModelError(
-            f"method={method!r} has no sensitivities; those that have are method='ali3p' and 'generalized-alpha', or leave "
-            "parameters= out"
+            f"method={method!r} has no sensitivities; those that have are method='explicit', 'ali3p' and 'generalized-alpha', "
+            "or leave parameters= out"
         )
     return "ali3p" if method == "auto" else method
 

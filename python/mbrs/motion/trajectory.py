@@ -317,8 +317,8 @@ class Trajectory(AirMotion, Result):
         """
         if self.start is None or not len(self.parameters):
             raise ModelError(
-                "this motion has no sensitivities; run mb.simulate(..., parameters=['...']) with method='ali3p' or "
-                "'generalized-alpha' to get them"
+                "this motion has no sensitivities; run mb.simulate(..., parameters=['...']) with method='explicit', 'ali3p' "
+                "or 'generalized-alpha' to get them"
             )
         self.snapshot.check_current("motion")
         rho = RHO if self.rho is None else self.rho
