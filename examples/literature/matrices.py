@@ -15,7 +15,8 @@ import numpy as np
 import scipy.linalg
 from mbrs import reference
 from mbrs.model.tables import tables
-from mbrs.reference.dynamics import element_tangents
+from mbrs.reference.dynamics import elements
+from mbrs.reference.kinematics import moving
 from said import folder, save, told
 
 
@@ -25,7 +26,11 @@ def reduced(model: mb.Model) -> tuple[mb.Linearization, list[np.ndarray], float]
     free = scipy.linalg.block_diag(*lin.body_mass_matrices)
     own = reference.System(tables(model))
     state = reference.sensitivity.drawn_and_assembled(own)
-    K, C = element_tangents(own, state)
+    unit = np.eye(6 * own.nb)
+    K, C = (
+        elements(own, moving(state, np.zeros(6 * own.nb), **{change: unit})).derivative_along(6 * own.nb)[:, 0].T
+        for change in ("pose", "twist")
+    )
     maps = lin.B_open, lin.B_cut
     M2, K2, C2 = (maps[1].T @ (maps[0].T @ X @ maps[0]) @ maps[1] for X in (free, K, C))
     n = lin.n

@@ -21,6 +21,10 @@ from .evidence import Block, Evidence, evidence
 from .fit import CUT, Update, seen_directions
 
 if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from ..linear.frf import FrfResult
+    from ..linear.measurement import Measurement
     from ..model.model import Model
 
 # Distance from the optimum, in standard deviations, below which a fit has converged. Too small: rounding of the residuals never lets
@@ -91,13 +95,13 @@ class _Fit:
 
 def update(
     m: Model,
-    test: Any,
+    test: Measurement | FrfResult,
     parameters: str | Sequence[str],
     *,
     data: str | Sequence[str] | None = None,
     pairing: Pairing | None = None,
-    noise: Any = None,
-    prior: Mapping[str, Any] | None = None,
+    noise: ArrayLike | Mapping[str, ArrayLike] | None = None,
+    prior: Mapping[str, float | tuple[float, float]] | None = None,
     bounds: Mapping[str, tuple[float | None, float | None]] | None = None,
     band: tuple[float, float] | None = None,
     partner: Sequence[int] | None = None,

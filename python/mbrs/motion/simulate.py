@@ -99,7 +99,7 @@ def simulate(
 
 
 def simulate(
-    m: Any,
+    m: Model | MechanicalSystem,
     t: ArrayLike,
     *,
     rtol: float | None = None,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -11,6 +11,9 @@ from numpy.typing import ArrayLike, NDArray
 from .. import _core
 from .._lib.border import core_errors
 from ..errors import ModelError
+
+if TYPE_CHECKING:
+    from scipy.optimize import OptimizeResult
 
 _F1 = NDArray[np.float64]
 
@@ -93,7 +96,7 @@ def root(
     curvature: float = 1e-12,
     determinant: tuple[float, float] = (1e-10, 1e10),
     callback: Callable[[_F1, _F1], Any] | None = None,
-) -> Any:
+) -> OptimizeResult:
     """Solve F(x) = 0, n equations in n unknowns, from values of F alone.
 
     With the estimate H of the inverse Jacobian, every iteration takes d = -H F(x), searches a step s = lambda d and
