@@ -29,7 +29,8 @@ from tables import Row, cpu, ms, of_tests, one_thread, run, selected
 
 BEGIN, END = "<!-- scale table begins -->", "<!-- scale table ends -->"
 PROGRAMS = ("numpy", "scipy")
-LADDER = {"m_r": 1.0, "m_s": 0.5, "k_h": 10.0, "length": 0.2}
+truth = of_tests("ladders")
+LADDER = truth.NUMBERS[0]
 LONG = 10_000
 COUNT = 20
 
@@ -95,7 +96,6 @@ def by_scipy(m: Any) -> np.ndarray:
 
 
 def ladders(sizes: tuple[int, ...] = (100, 300, 1000)) -> list[Row]:
-    truth = of_ladders()
     rows, seconds = [], {}
     for n in sizes:
         m = truth.ladder(n, **LADDER)
@@ -127,21 +127,6 @@ def ladders(sizes: tuple[int, ...] = (100, 300, 1000)) -> list[Row]:
     return rows
 
 
-def of_ladders() -> Any:
-    """The ladder whose closed form the tests hold."""
-    from importlib import util
-    from pathlib import Path
-
-    of_tests("motion_problems")  # the folder of models is on the path from here on
-    folder = Path(__file__).resolve().parent.parent / "tests"
-    sys.path.insert(0, str(folder))
-    spec = util.spec_from_file_location("ladders", folder / "truth" / "test_ladders.py")
-    assert spec is not None and spec.loader is not None
-    module = util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
 def slanting(m: Any, i: int) -> tuple[np.ndarray, np.ndarray]:
     """The ends of a damper across layer i."""
     return np.array(m.value(f"b{i},1.at")), np.array(m.value(f"a{i},0.at"))
@@ -149,7 +134,7 @@ def slanting(m: Any, i: int) -> tuple[np.ndarray, np.ndarray]:
 
 def reduction() -> list[Row]:
     """M, C, K in independent coordinates against singular values and products in NumPy."""
-    m = of_ladders().ladder(160, **LADDER)
+    m = truth.ladder(160, **LADDER)
     ours = cpu(lambda: mb.linearize(m), repeats=3)
 
     def plain() -> Any:
@@ -224,22 +209,11 @@ def balance() -> list[Row]:
 # --- motion -----
 
 
-def hinged_chain(n: int) -> Any:
-    rng = np.random.default_rng(n)
-    m = mb.Model("chain", gravity=(0.0, 1.0, -9.81))
-    before, place, d = m.ground, np.zeros(3), np.array([0.6, 0.3, -0.2])
-    for i in range(n):
-        body = m.body(f"b{i}", mass=0.3, inertia=(0.01, 0.012, 0.009), at=place + d / 2)
-        m.revolute(f"j{i}", before, body, at=place, axis=rng.normal(size=3))
-        before, place = body, place + d
-    return m
-
-
 def accelerations() -> list[Row]:
     """One evaluation: the difference of two motions that differ in the number of their steps."""
     rows = []
     for n, goal in ((200, 0.05e-3), (1000, 0.25e-3)):
-        m = hinged_chain(n)
+        m = of_tests("hinged_chain").hinged_chain(n)
         short, long = (partial(mb.simulate, m, [1e-6 * k], step=1e-6, method="explicit") for k in (2, 2 + 2000 // n))
         evaluations = [f().stats.counts["force evaluations"] for f in (short, long)]
         each = (cpu(long, repeats=3) - cpu(short, repeats=3)) / (evaluations[1] - evaluations[0])

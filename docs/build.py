@@ -19,6 +19,7 @@ CASES = [
     "tests/aero/test_dynamic_stall.py",
     "tests/aero/test_filaments.py",
     "tests/aero/test_momentum.py",
+    "tests/aero/test_published_rotors.py",
     "tests/aero/test_wakes.py",
     "tests/aero/test_wings.py",
     "tests/motion/test_nonholonomic.py",

@@ -28,8 +28,11 @@ def environment():
     return {**os.environ, "PYTHONPATH": os.pathsep.join(p for p in sys.path if p)}
 
 
+@pytest.mark.exact  # the process that is killed has no noise
 @pytest.mark.skipif(os.name != "posix", reason="SIGKILL")
-@pytest.mark.parametrize("ending", [".nc", ".json", ".pkl", ".csv"])
+@pytest.mark.parametrize(
+    "ending", [".nc", *(pytest.param(e, marks=pytest.mark.slow) for e in (".json", ".pkl", ".csv"))]
+)
 def test_a_process_that_is_killed_while_saving_leaves_a_whole_file(tmp_path, ending):
     path = tmp_path / f"modes{ending}"
     modes = mb.modes(mb.examples.cubic_hexapod())

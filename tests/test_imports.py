@@ -7,6 +7,7 @@ import importlib
 import re
 import subprocess
 import sys
+from functools import cache
 from pathlib import Path
 
 import mbrs
@@ -73,6 +74,11 @@ def module_of(parts):
     return ("__init__",)
 
 
+def called(call):
+    """The last name of what a call calls."""
+    return call.func.attr if isinstance(call.func, ast.Attribute) else getattr(call.func, "id", "")
+
+
 def imports(parts):
     """(target in the package or None, name outside it, whether at the top of the module) of every import of a module."""
     path, is_package = FILES[parts]
@@ -95,10 +101,7 @@ def imports(parts):
                 else:
                     base = base[1:]
                 found.extend((module_of((*base, alias.name)), "mbrs", top) for alias in child.names)
-            elif isinstance(child, ast.Call) and ast.unparse(child.func).split(".")[-1] in (
-                "import_module",
-                "__import__",
-            ):
+            elif isinstance(child, ast.Call) and called(child) in ("import_module", "__import__"):
                 named = BY_NAME.get(parts, lambda: ["cli"])()  # what is not listed counts as an import of everything
                 found.extend((module_of(tuple(name.split("."))), "mbrs", False) for name in named)
             types = isinstance(child, ast.If) and "TYPE_CHECKING" in ast.unparse(child.test)
@@ -108,19 +111,27 @@ def imports(parts):
     return found
 
 
-GRAPH = {parts: imports(parts) for parts in FILES}
-INSIDE = {parts: {target for target, _, _ in found if target and target != parts} for parts, found in GRAPH.items()}
+@cache
+def graph():
+    """Every file's imports; read when a test asks, in one of the processes that run tests."""
+    return {parts: imports(parts) for parts in FILES}
+
+
+@cache
+def inside():
+    """The files of the package that each imports."""
+    return {parts: {target for target, _, _ in found if target and target != parts} for parts, found in graph().items()}
 
 
 def test_every_folder_has_its_place_in_the_order():
     assert {parts[0] for parts in FILES} <= set(ORDER), "name the new folder in ORDER, and in docs/architecture.md"
-    assert len(FILES) > 150 and sum(map(len, INSIDE.values())) > 800
+    assert len(FILES) > 150 and sum(map(len, inside().values())) > 800
 
 
 def test_folders_import_those_before_them():
     wrong = [
         f"{'.'.join(parts)} imports {'.'.join(target)}"
-        for parts, targets in INSIDE.items()
+        for parts, targets in inside().items()
         for target in targets
         if ORDER.index(target[0]) > ORDER.index(parts[0])
     ]
@@ -136,7 +147,7 @@ def without_ends(graph):
 
 
 def test_no_file_imports_itself_through_others():
-    left = without_ends(INSIDE)
+    left = without_ends(inside())
     back = {parts: {one for one, targets in left.items() if parts in targets} for parts in left}
     circles = sorted(".".join(parts) for parts in without_ends(back))
     assert not circles, "a circle among " + ", ".join(circles)
@@ -163,17 +174,17 @@ def test_names_of_modules_mean_modules():
 
 
 def test_the_model_knows_little_else():
-    outside = {t[0] for parts, targets in INSIDE.items() if parts[0] == "model" for t in targets} - {"model"}
+    outside = {t[0] for parts, targets in inside().items() if parts[0] == "model" for t in targets} - {"model"}
     assert outside <= {"errors", "_lib", "flexible", "view", "plot", "_core"}, outside
 
 
 def test_pictures_see_results_only():
-    outside = {t[0] for parts, targets in INSIDE.items() if parts[0] in ("plot", "view") for t in targets}
+    outside = {t[0] for parts, targets in inside().items() if parts[0] in ("plot", "view") for t in targets}
     assert outside <= {"errors", "_lib", "results", "plot", "view"}, outside
 
 
 def test_the_comparison_alone_imports_the_reference_and_that_knows_nothing_else():
-    for parts, found in GRAPH.items():
+    for parts, found in graph().items():
         if parts == ("studies", "compare"):
             continue
         for target, _, _ in found:
@@ -186,7 +197,7 @@ def test_the_comparison_alone_imports_the_reference_and_that_knows_nothing_else(
 def test_extras_are_imported_when_used():
     # the command line and the reference load by themselves, never with the package
     apart = ("cli", "reference")
-    found = [(parts, name, top) for parts, all_ in GRAPH.items() if parts[0] not in apart for _, name, top in all_]
+    found = [(parts, name, top) for parts, all_ in graph().items() if parts[0] not in apart for _, name, top in all_]
     wrong = [f"{'.'.join(parts)}: {name}" for parts, name, top in found if top and name in OPTIONAL]
     assert not wrong, "imported at the top of a module: " + ", ".join(wrong)
 

@@ -106,8 +106,10 @@ PROSE = {".py": python_prose, ".md": page_prose}
 
 
 def found_in(texts, patterns):
-    """(line, phrase, remedy) of every pattern in pieces of prose."""
-    return [(n, m[0], remedy) for n, text in texts for p, remedy in patterns.items() for m in re.finditer(p, text)]
+    """(line, phrase, remedy) of every pattern in pieces of prose; one search for all of them leaves out most pieces."""
+    some = re.compile("|".join(patterns))
+    suspects = [(n, text) for n, text in texts if some.search(text)]
+    return [(n, m[0], remedy) for n, text in suspects for p, remedy in patterns.items() for m in re.finditer(p, text)]
 
 
 @cache
@@ -151,8 +153,7 @@ def test_no_document_that_is_not_here():
     found = []
     for path in ALL:
         lines = enumerate(read(path).splitlines(), 1)
-        entries = [(n, m[0], name) for n, line in lines for name, p in ABSENT.items() for m in re.finditer(p, line)]
-        found.append(report(path, entries))
+        found.append(report(path, found_in(lines, {p: name for name, p in ABSENT.items()})))
     assert len(found) > 500 and not any(found), "\n" + "\n".join(filter(None, found))
 
 

@@ -46,16 +46,20 @@ __all__ = [
     "is_strained",
     "law_force",
     "law_relaxations",
+    "missed_resonances",
     "mixed_modes",
     "motion_air",
     "motion_breaks",
     "motion_directions",
+    "motion_is_explicit",
     "motion_of_element",
     "motion_of_joint",
+    "motion_quadrature",
     "motion_quantities",
     "motion_reactions",
     "operation",
     "require_memory",
+    "resonances",
     "root_solve",
     "shape_sensitivities",
     "simulate_motion",
@@ -64,6 +68,7 @@ __all__ = [
     "sparse_model_form",
     "sparse_model_modes",
     "sparse_modes",
+    "unseen_resonances",
 ]
 
 class CoreError(Exception): ...
@@ -87,6 +92,9 @@ def dense_modes(
 BALANCED: float
 SAME_ROOT: float
 
+# body, its point, direction, rotation?, base?
+_DesignPort = tuple[int | None, tuple[str, list[float], int], list[float], bool, bool]
+
 @final
 class DesignPlan:
     def __new__(
@@ -98,12 +106,23 @@ class DesignPlan:
         driven: Sequence[tuple[int, int]],
         rules: Sequence[tuple[str, int, int]],
         by: Sequence[tuple[int | None, Sequence[int]]],
-        n: int | None,
         equilibrium: bool,
-        elastic: bool | None,
     ) -> DesignPlan: ...
-    def compute(self, rows: _F2) -> dict[str, np.ndarray]: ...
+    def modes(self, n: int | None, elastic: bool | None) -> DesignPlan: ...
+    def transfer(
+        self, inputs: Sequence[_DesignPort], outputs: Sequence[_DesignPort], omega: Sequence[float], order_out: int
+    ) -> DesignPlan: ...
+    def rest(self) -> DesignPlan: ...
+    def compute(self, rows: _F2, threads: int) -> dict[str, Any]: ...
 
+def resonances(poles: NDArray[np.complex128], low: float, high: float) -> NDArray[np.complex128]: ...
+def unseen_resonances(poles: NDArray[np.complex128], omega: Sequence[float] | _F1) -> list[float]: ...
+def missed_resonances(
+    omega: Sequence[float] | _F1,
+    h: NDArray[np.complex128],
+    suspects: Sequence[float],
+    peaks: NDArray[np.complex128],
+) -> list[float]: ...
 def is_strained(factor: _F2, shape: _F2, mass: _F2) -> bool: ...
 def sparse_model_modes(
     system: System, q: _F1, rate: _F1, without: Sequence[str], n: int, sigma: float | None = None
@@ -237,6 +256,16 @@ def motion_breaks(system: System, start: float) -> list[float]: ...
 def motion_directions(
     system: System, q: _F1, rate: _F1, without: Sequence[str], options: dict[str, Any]
 ) -> dict[str, Any]: ...
+def motion_is_explicit(
+    system: System,
+    q: _F1,
+    rate: _F1,
+    memory: Sequence[float],
+    without: Sequence[str],
+    span: tuple[float, float],
+    step: float | None = None,
+) -> bool: ...
+def motion_quadrature(scheme: str) -> tuple[float, float, list[tuple[float, float]]]: ...
 def motion_of_element(
     system: System, element: int, t: _F1, q: _F2, rate: _F2, memory: _F2, without: Sequence[str]
 ) -> _F3: ...

@@ -231,6 +231,11 @@ pub mod modes {
 
 /// Motion in time.
 pub mod motion {
+    /// Rounding of the force of a slider that moves on, in units of eps times the sum of its absolute terms: within it the sign of the rate
+    /// tells whether it slips. Free of units. Too large: sliders that stick close to their limit slip; too small: the last bit decides.
+    /// Pinned by `the_rate_decides_at_the_limit` of `force::jenkins`.
+    pub const SLIDER_ROUNDING: f64 = 4.0;
+
     /// Part of a diagonal entry of M that the recursion over a tree must leave of it, or M is singular to rounding there and the dense
     /// route decides. Free of units. Larger: trees with heavy tips take the slow route. Smaller: accelerations of coordinates that
     /// move no inertia are rounding over rounding. Pinned by tests/system/test_tree_accelerations.py.

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import doctest
-import os
-from pathlib import Path
 
 import mbrs as mb
 import mbrs.aero.steady_rotors
@@ -288,32 +286,3 @@ def test_the_result_prints_and_draws():
 def test_examples_of_docstrings():
     found = doctest.testmod(mbrs.aero.steady_rotors)
     assert found.attempted > 0 and found.failed == 0
-
-
-# --- the NREL 5 MW rotor -----
-
-# Airfoil tables of the NREL 5 MW reference turbine as files of AeroDyn (Cylinder1.dat, Cylinder2.dat, DU40_A17.dat, ...,
-# NACA64_A17.dat). They are not part of this repository: they come, for example, with github.com/WISDEM/CCBlade
-# (test/5MW_AFFiles, Apache 2.0) and github.com/OpenFAST/r-test (Apache 2.0).
-TABLES = os.environ.get("MBRS_NREL_5MW", "")
-
-
-@pytest.mark.skipif(
-    not Path(TABLES, "NACA64_A17.dat").is_file(), reason="MBRS_NREL_5MW names no folder of airfoil tables"
-)
-@pytest.mark.parametrize("speed, turns, power, thrust", [(8.0, 9.156, 1876.2, 478.0), (11.0, 11.89, 4833.2, 790.6)])
-def test_the_nrel_5mw_rotor(speed, turns, power, thrust):
-    # J. Jonkman, S. Butterfield, W. Musial, G. Scott, NREL/TP-500-38060 (2009), table 3-1
-    r = [2.8667, 5.6, 8.3333, 11.75, 15.85, 19.95, 24.05, 28.15, 32.25, 36.35, 40.45, 44.55, 48.65, 52.75, 56.1667]
-    chord = [3.542, 3.854, 4.167, 4.557, 4.652, 4.458, 4.249, 4.007, 3.748, 3.502, 3.256, 3.01, 2.764, 2.518, 2.313]
-    twist = [13.308] * 4 + [11.48, 10.162, 9.011, 7.795, 6.544, 5.361, 4.188, 3.125, 2.319, 1.526, 0.863, 0.37, 0.106]
-    names = ["Cylinder1", "Cylinder2", *(f"DU{t}_A17" for t in (40, 35, 30, 25, 21)), "NACA64_A17"]
-    polars = [mb.aero.read_polar(Path(TABLES, f"{name}.dat")) for name in names]
-    along = [polars[i] for i in (0, 0, 1, 2, 3, 3, 4, 5, 5, 6, 6, 7, 7, 7, 7, 7, 7)]
-    b = mb.aero.blade([*r, 58.9, 61.6333], [*chord, 2.086, 1.419], np.radians(twist), along)
-    rotor = mb.aero.rotor(b, 3, hub_radius=1.5, tip_radius=63.0, precone=np.radians(2.5))
-    p = mb.aero.performance(rotor, turns * np.pi / 30 * rotor.radius / speed)
-    # the thrust of the report is the force in the shaft: it holds the weight of 110 t along the axis, tilted by 5 degrees
-    weight = 110e3 * 9.81 * np.sin(np.radians(5.0))
-    assert p.power(speed)[0] == pytest.approx(1e3 * power, rel=0.025)
-    assert p.thrust(speed)[0] + weight == pytest.approx(1e3 * thrust, rel=0.015)

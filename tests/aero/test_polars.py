@@ -250,7 +250,7 @@ def test_slopes_of_a_blade_are_derivatives():
         ({"chord": [1.0, 0.0, 1.0]}, r"chord must be positive, at station 2 \(2 m\) it is 0 m"),
         ({"chord": [1.0, 1.0, -0.2]}, "at station 3"),
         ({"chord": 0.0}, "chord must be positive"),
-        ({"chord": [1.0, 2.0]}, "each of the 3 stations"),
+        ({"chord": [1.0, 2.0]}, "one for each of 3 stations"),
         ({"twist": [0.1, np.nan, 0.1]}, "twist contains NaN"),
         ({"aerodynamic_center": 1.2}, "from 0 to 1"),
         ({"polar": "naca"}, "mb.aero.polar"),

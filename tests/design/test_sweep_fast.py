@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 import warnings
+from concurrent.futures import ThreadPoolExecutor
 
 import jitter
 import mbrs as mb
 import numpy as np
 import pytest
-from mbrs.design.fast import FastModes, fast_modes
+from mbrs.design.fast import FastPlan, fast_plan
 from random_models import random_loop, random_tree
 
 pytestmark = pytest.mark.filterwarnings("ignore::mbrs.errors.MbrsWarning")
@@ -55,7 +58,7 @@ def python_alone(outputs):
 
 def computed(m, designs, outputs):
     """How many designs the core computes by itself."""
-    fast = fast_modes(m.copy, designs.names, outputs)
+    fast = fast_plan(m.copy, designs.names, outputs)
     assert fast is not None
     done, at = [], 0
     while at < len(designs):
@@ -89,6 +92,83 @@ def test_the_core_computes_what_python_computes(name):
             fast[key] == pytest.approx(expected, rel=1e-10, abs=0, nan_ok=True)
             or np.nanmax(np.abs(fast[key] - expected) / np.where(scale > 0, scale, 1)) < 1e-12 + 100 * jitter.level()
         )
+
+
+FREQUENCIES = np.linspace(0.05, 1.5, 7)
+PORTS = {
+    "forces": (
+        ["b0.force.x", "b1.torque.z", "spot.force.y"],
+        ["b1.motion.z", "b0.motion.rx", "spot.motion.x"],
+        "mobility",
+    ),
+    "points": (["b0.force.(0.6,0,0.8)@(0.3,1,0.2)"], ["b1.motion.(0,1,0)@(0.1,0.2,0.5)", "b0.motion.y"], "receptance"),
+    "base": (["base.z", "b1.force.x"], ["b0.motion.z", "b1.motion.rx", "spot.motion.y"], "accelerance"),
+    "transmissibility": (["base.x"], ["b1.motion.x"], "transmissibility"),
+}
+
+
+@pytest.mark.parametrize("closed", [False, True])
+@pytest.mark.parametrize("ports", PORTS)
+def test_transfer_functions_are_those_of_python(closed, ports):
+    m = (loop if closed else tree)(np.random.default_rng(17))
+    m.marker("spot", "b0", at=(0.3, -0.4, 0.9))
+    inputs, seen, kind = PORTS[ports]
+    designs = mb.design.latin_hypercube({**SET, "spot.at[1]": (-0.6, 0.1)}, 4, seed=3)
+    by = ["k", "b0.mass", "b1.at[1]", "bush0.c", "spring0.at_b[0]", "spot.at[0]", "b0.com[1]"]
+    outputs = mb.outputs.frf(inputs, seen, FREQUENCIES, kind, sensitivities=by)
+    assert computed(m, designs, outputs).all()
+    fast, slow = mb.sweep(m, designs, outputs), mb.sweep(m, designs, python_alone(outputs))
+    assert slow.done.all() and fast["H"].shape == (4, len(seen), len(inputs), len(FREQUENCIES))
+    for key in ("H", "H_derivative"):
+        scale = np.abs(slow[key]).max(axis=3, keepdims=True) + 1e-3 * np.abs(slow[key]).max()
+        assert fast[key].dtype == complex
+        assert np.all(np.abs(fast[key] - slow[key]) <= (1e-11 + 1e3 * jitter.level()) * scale)
+
+
+def test_a_transfer_function_follows_its_parameters():
+    """x = F / (k - m w^2 + i w c) of one slider, without damping as well, and its slopes."""
+    m = mb.Model("one")
+    k, c = m.parameter("k", 310.0), m.parameter("c", 0.0)
+    a = m.body("a", mass=1.3, inertia=(0.1, 0.1, 0.1), at=(0.2, 0.1, 0.0))
+    axis = np.array([0.3, -0.5, 0.81]) / np.linalg.norm([0.3, -0.5, 0.81])
+    m.prismatic("rail", m.ground, a, at=(0.2, 0.1, 0.0), axis=axis, k=k, c=c)
+    f = np.array([0.7, 1.9, 4.4])
+    designs = mb.design.from_table({"k": np.array([300.0, 350.0]), "c": np.array([0.0, 2.0])})
+    outputs = mb.outputs.frf(a.force(axis), a.motion(axis), f, sensitivities=["k", "c", "a.mass"])
+    assert computed(m, designs, outputs).all()
+    for runs in (mb.sweep(m, designs, outputs), mb.sweep(m, designs, python_alone(outputs))):
+        for i, (k, c) in enumerate(designs.values):
+            w = 2 * np.pi * f
+            h = 1.0 / (k - 1.3 * w**2 + 1j * w * c)
+            assert runs["H"][i, 0, 0] == pytest.approx(h, rel=1e-10)
+            slopes = np.stack([-(h**2), -1j * w * h**2, w**2 * h**2], axis=1)
+            assert runs["H_derivative"][i, 0, 0] == pytest.approx(slopes, rel=1e-10)
+
+
+def test_missed_and_infinite_resonances_are_told():
+    m = mb.Model("one")
+    a = m.body("a", mass=1.0, inertia=(0.1, 0.1, 0.1), at=(0.0, 0.0, 0.0))
+    m.prismatic("rail", m.ground, a, at=(0, 0, 0), axis="x", k=m.parameter("k", 400.0))
+    designs = mb.design.from_table({"k": np.array([400.0, 410.0])})
+    for points, text in (([1.0, 9.0], "miss 1 resonance"), ([0.5, 1.0], "")):
+        outputs = mb.outputs.frf(a.force("x"), a.motion("x"), points)
+        assert computed(m, designs, outputs).all()
+        with warnings.catch_warnings(record=True) as told:
+            warnings.simplefilter("always")
+            mb.sweep(m, designs, outputs)
+        assert [text in str(w.message) for w in told] == [True] * bool(text)
+
+
+def test_places_at_rest_are_those_of_python():
+    m = hanging(np.random.default_rng(5))
+    designs = mb.design.latin_hypercube({"b0.mass": (1.1, 1.9), "b1.com[0]": (-0.1, 0.2)}, 6, seed=2)
+    outputs = mb.outputs.equilibrium(["b0.mass", "mount1.k[2]", "b1.com[1]"])
+    assert computed(m, designs, outputs).any()
+    fast, slow = mb.sweep(m, designs, outputs), mb.sweep(m, designs, python_alone(outputs))
+    assert np.array_equal(fast.codes, slow.codes) and fast.done.any() and set(fast.outputs) == set(slow.outputs)
+    for key in slow.outputs:
+        assert fast[key].shape == slow[key].shape
+        assert fast[key] == pytest.approx(slow[key], rel=1e-8, abs=1e-9, nan_ok=True)
 
 
 def hanging(rng):
@@ -141,8 +221,23 @@ def test_bits_do_not_depend_on_blocks_chunks_or_threads():
     designs = mb.design.latin_hypercube(SET, 40, seed=1)
     outputs = mb.outputs.modes(n=5, sensitivities=BY[:3])
     plain = mb.sweep(m, designs, outputs)
-    for executor, chunk in ((None, 1), (None, 17), (2, 7), (3, 3)):
-        again = mb.sweep(m, designs, outputs, executor=executor, chunk=chunk)
+    assert fast_plan(m.copy, designs.names, outputs).decides  # then all threads are of the core
+    with ThreadPoolExecutor(2) as threads:
+        for executor, chunk in ((None, 1), (None, 17), (2, 7), (3, 3), (2, 40), (5, 40), (threads, 9)):
+            again = mb.sweep(m, designs, outputs, executor=executor, chunk=chunk)
+            assert all(again[key].tobytes() == plain[key].tobytes() for key in plain.outputs)
+
+
+@pytest.mark.exact
+def test_bits_of_other_analyses_do_not_depend_on_threads():
+    m = loop(np.random.default_rng(3))
+    designs = mb.design.latin_hypercube(SET, 12, seed=1)
+    for outputs in (
+        mb.outputs.frf("b0.force.x", "b1.motion.y", [0.1, 0.4], sensitivities=BY[:2]),
+        mb.outputs.equilibrium(BY[:2]),
+    ):
+        plain = mb.sweep(m, designs, outputs)
+        again = mb.sweep(m, designs, outputs, executor=3)
         assert all(again[key].tobytes() == plain[key].tobytes() for key in plain.outputs)
 
 
@@ -216,15 +311,15 @@ def test_what_is_done_before_an_interrupt_is_kept(monkeypatch):
     designs = mb.design.latin_hypercube(SET, 30, seed=6)
     outputs = mb.outputs.modes(n=2)
     whole = mb.sweep(m, designs, outputs)
-    real, blocks = FastModes.compute, []
+    real, blocks = FastPlan.compute, []
 
-    def cut(self, values):
+    def cut(self, values, threads=1):
         if len(blocks) == 3:
             raise KeyboardInterrupt
         blocks.append(len(values))
-        return real(self, values)
+        return real(self, values, threads)
 
-    monkeypatch.setattr(FastModes, "compute", cut)
+    monkeypatch.setattr(FastPlan, "compute", cut)
     with pytest.raises(mb.Interrupted) as caught:
         mb.sweep(m, designs, outputs, chunk=30)
     done = caught.value.result.done
@@ -232,11 +327,41 @@ def test_what_is_done_before_an_interrupt_is_kept(monkeypatch):
     assert np.array_equal(caught.value.result["frequency"][done], whole["frequency"][done])
 
 
+MILLION = """
+import resource, sys
+import mbrs as mb
+import numpy as np
+m = mb.Model("one")
+a = m.body("a", mass=1.3, inertia=(0.1, 0.1, 0.1), at=(0.2, 0.1, 0.0))
+m.prismatic("rail", m.ground, a, at=(0.2, 0.1, 0.0), axis=(0.3, -0.5, 0.81), k=m.parameter("k", 310.0))
+k = np.linspace(200.0, 900.0, 10**6)
+outputs = mb.outputs.modes(sensitivities=["k"])
+for _ in range(2):
+    runs = mb.sweep(m, mb.design.from_table({"k": k}), outputs, executor=2, store=sys.argv[1])
+    assert runs.done.all()
+    assert np.abs(runs["frequency"][:, 0] * (2 * np.pi) - np.sqrt(k / 1.3)).max() < 1e-9
+print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform != "linux", reason="kilobytes of resident memory are those of Linux")
+def test_a_million_designs_take_less_than_a_gigabyte(tmp_path):
+    done = subprocess.run(
+        [sys.executable, "-c", MILLION, str(tmp_path / "runs")], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr[-2000:]
+    assert int(done.stdout) < 1e6
+
+
 def test_what_only_python_knows_goes_its_way():
     m = random_tree(np.random.default_rng(2), 2)
     names = ("b0.mass",)
-    assert fast_modes(m.copy, names, mb.outputs.modes(2)) is not None
-    assert fast_modes(m.copy, names, mb.outputs.equilibrium()) is None
-    assert fast_modes(m.copy, ("b0.inertia",), mb.outputs.modes(2)) is None
-    assert fast_modes(m.copy, ("no such number",), mb.outputs.modes(2)) is None
-    assert fast_modes(m.copy, names, lambda model: {}) is None
+    assert fast_plan(m.copy, names, mb.outputs.modes(2)) is not None
+    assert fast_plan(m.copy, names, mb.outputs.equilibrium()) is not None
+    assert fast_plan(m.copy, names, mb.outputs.frf("base.z", "b0.motion.z", [0.1])) is not None
+    assert fast_plan(m.copy, names, mb.outputs.frf("base.rz", "b0.motion.z", [0.1])) is None
+    assert fast_plan(m.copy, names, mb.outputs.frf("b0.motion.z", "b0.motion.z", [0.1])) is None
+    assert fast_plan(m.copy, ("b0.inertia",), mb.outputs.modes(2)) is None
+    assert fast_plan(m.copy, ("no such number",), mb.outputs.modes(2)) is None
+    assert fast_plan(m.copy, names, lambda model: {}) is None

@@ -332,7 +332,10 @@ def end(client):
 
 
 @pytest.mark.exact
-@pytest.mark.parametrize(("kind", "deaths"), [("here", 7), ("threads", 7), ("processes", 6)])
+@pytest.mark.parametrize(
+    ("kind", "deaths"),
+    [("processes", 6), *(pytest.param(kind, 7, marks=pytest.mark.slow) for kind in ("here", "threads"))],
+)
 def test_killed_clients_leave_bit_identical_results(tmp_path, kind, deaths):
     """20 deaths in all over the three kinds, at random moments."""
     folder, rng, n = tmp_path / "runs", random.Random(kind), 200

@@ -118,7 +118,7 @@ def test_step_by_step():
     history = schemes.simulate(sys, ref.drawn_state(sys), n * h, h)
     for frame, name in enumerate(traj.bodies[:6]):
         assert traj.position(name)[-1] == pytest.approx(history.positions(sys)[-1][frame], abs=1e-6), name
-    q = sys.flexible[0].coordinates(history.instants[-1].motion.state.r)
+    q = sys.flexible[0].held(history.instants[-1].motion.state.r)
     assert traj.modal("blade1")[-1] == pytest.approx(q, rel=1e-5, abs=1e-6)
 
 

@@ -15,7 +15,7 @@ from mbrs.model.tables import tables
 from mbrs.reference import dynamics as dyn
 from mbrs.reference import flexible as fx
 from mbrs.reference import so3
-from mbrs.reference.kinematics import advance
+from mbrs.reference.kinematics import advance, moving
 from mbrs.reference.motion import with_rates
 from mbrs.reference.reader import Body
 from mbrs.reference.simulate import begin
@@ -84,7 +84,7 @@ def test_inertia_forces_against_particles_of_the_finite_elements():
     R, w, q, v, qd = so3.exp(rng.normal(size=3)), *rng.normal(size=(4, 3))
     a = rng.normal(size=12)
     state = ref.State(np.array([zero, q]), np.array([R, np.eye(3)]), np.array([v, qd]), np.array([w, zero]))
-    found = fx.inertia(f, fx.moving(f, state, a)).value[0]
+    found = fx.inertia(f, fx.moving(f, moving(state, a))).value[0]
 
     def path(t):
         turn = so3.exp(w * t + 0.5 * a[3:6] * t**2)  # to second order
@@ -110,8 +110,12 @@ def test_tangents_against_differences():
     rng = np.random.default_rng(1)
     state = somewhere(sys, rng)
     a = rng.normal(size=6 * sys.nb)
-    K, C, M = dyn.inertia_tangents(sys, state, a)
-    weight = dyn.load_forces(sys, state)[1]
+    unit = np.eye(6 * sys.nb)
+    K, C, M = (
+        dyn.inertia(sys, moving(state, a, **{change: unit})).derivative_along(6 * sys.nb)[:, 0].T
+        for change in ("pose", "twist", "rate")
+    )
+    weight = -dyn.loads(sys, moving(state, a, pose=unit)).derivative_along(6 * sys.nb)[:, 0].T
     h = 1e-6
 
     def turned(s, i, e):
@@ -130,13 +134,13 @@ def test_tangents_against_differences():
         return replace(s, v=v, w=w)
 
     for i in range(6 * sys.nb):
-        ends = [dyn.inertia_force(sys, turned(state, i, e), a) for e in (h, -h)]
+        ends = [dyn.inertia(sys, moving(turned(state, i, e), a)).value[0] for e in (h, -h)]
         assert (ends[0] - ends[1]) / (2 * h) == pytest.approx(K[:, i], abs=1e-7 * np.abs(K).max())
-        ends = [dyn.load_forces(sys, turned(state, i, e))[0] for e in (h, -h)]
+        ends = [dyn.loads(sys, moving(turned(state, i, e), a)).value[0] for e in (h, -h)]
         assert (ends[1] - ends[0]) / (2 * h) == pytest.approx(weight[:, i], abs=1e-7 * np.abs(weight).max())
-        ends = [dyn.inertia_force(sys, faster(state, i, e), a) for e in (h, -h)]
+        ends = [dyn.inertia(sys, moving(faster(state, i, e), a)).value[0] for e in (h, -h)]
         assert (ends[0] - ends[1]) / (2 * h) == pytest.approx(C[:, i], abs=1e-7 * np.abs(C).max())
-    force = dyn.inertia_force(sys, state, a) - dyn.inertia_force(sys, state, 0 * a)
+    force = dyn.inertia(sys, moving(state, a)).value[0] - dyn.inertia(sys, moving(state, 0 * a)).value[0]
     assert M @ a == pytest.approx(force, abs=1e-10 * np.abs(force).max())
 
 
@@ -161,7 +165,7 @@ def test_held_shapes_are_a_rigid_body():
         if kind == "rigid":  # its frame is at the centre of mass
             state.v[0] = v + np.cross(w, arm)
             given[:3] = a + np.cross(alpha, arm) + np.cross(w, np.cross(w, arm))
-        f = dyn.inertia_force(sys, state, given)[:6] - dyn.load_forces(sys, state)[0][:6]
+        f = dyn.inertia(sys, moving(state, given)).value[0][:6] - dyn.loads(sys, moving(state, given)).value[0][:6]
         wrench[kind] = f if kind == "flexible" else np.r_[f[:3], f[3:] + np.cross(arm, f[:3])]
     assert wrench["flexible"] == pytest.approx(wrench["rigid"], rel=1e-11)
 
@@ -177,7 +181,7 @@ def test_energy_of_a_free_flight(stiffening):
         history = explicit(sys, begin(sys, bent, rate), 0.05 / n, n)
         energy = history.energies(sys)
         lost.append(np.ptp(energy) / abs(energy[0]))
-    q = np.array([sys.flexible[0].coordinates(i.motion.state.r) for i in history.instants])
+    q = np.array([sys.flexible[0].held(i.motion.state.r) for i in history.instants])
     print(f"energy {energy[0]:.6g} J kept to {lost[0]:.1e}, {lost[1]:.1e}; q moves by {np.ptp(q, axis=0)}")
     # what is lost is the scheme's, of eighth order
     assert lost[1] < 1e-8 and (lost[1] < 1e-14 or lost[1] < lost[0] / 100) and np.all(np.ptp(q, axis=0) > 0.01)

@@ -249,7 +249,8 @@ def test_bad_objectives(function, error, message):
 WRONG = [
     ({"parameters": ["spring1.lenght"]}, "length"),
     ({"parameters": []}, "no parameter"),
-    ({"scheme": "explicit"}, "'explicit' has no sensitivities; those that have are scheme='ali3p' and"),
+    ({"scheme": "bdf"}, "'bdf' has no sensitivities; those that have are scheme='explicit', scheme='ali3p'"),
+    ({"scheme": "explicit", "rho": 0.5}, "rho= belongs to"),
     ({"scheme": None}, "no sensitivities"),
     ({"method": "forward"}, "'direct', 'adjoint', 'auto'"),
     ({"t": np.nan}, "t= must be"),
@@ -272,8 +273,10 @@ def test_bad_arguments(change, message):
 
 def test_simulations_without_sensitivities_say_so():
     m = silent(five_bar)
-    with pytest.raises(mb.errors.ModelError, match="method='ali3p'"):
-        mb.simulate(m, t=0.1, method="explicit", parameters=LENGTHS)
+    with pytest.raises(mb.errors.ModelError, match="'ali3p'"):
+        mb.simulate(m, t=0.1, method="bdf", parameters=LENGTHS)
+    with pytest.raises(mb.errors.ModelError, match="independent"):
+        mb.simulate(m, t=0.1, method="explicit", coordinates="independent", parameters=LENGTHS)
     with pytest.raises(mb.errors.ModelError, match="parameters="):
         mb.simulate(m, t=0.1, step=0.01, method="ali3p").sensitivity("P2")
     traj = mb.simulate(m, t=0.1, step=0.01, parameters=LENGTHS)

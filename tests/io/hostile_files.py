@@ -2,6 +2,9 @@
 
 ``python hostile_files.py FORMAT COUNT SEED`` prints one line for each mutated file that raised something else than an `MbrsError`; it
 runs in a process of its own with limits of memory, so that a library in C can fall without the tests.
+
+``python hostile_files.py all [SHARE]`` does so for every format: 100,000 files of each whose parser is ours and 1,000 of each that a
+library in C reads, in processes of 2,000 files; SHARE is a part of these numbers. The tests run 300 of each.
 """
 
 from __future__ import annotations
@@ -9,6 +12,7 @@ from __future__ import annotations
 import io
 import os
 import re
+import subprocess
 import sys
 import tempfile
 import traceback
@@ -17,9 +21,14 @@ from pathlib import Path
 
 import mbrs as mb
 import numpy as np
+from mbrs.model.toml import dumps
 from robot_models import random_mjcf, random_urdf
 
-FORMATS = ("urdf", "xml", "op4", "op4 text", "pch", "mtx", "mat", "mat compressed", "uff", "uff text")
+OURS = ("toml", "urdf", "xml", "csv", "mtx", "mat", "mat compressed", "uff", "uff text")
+FOREIGN = ("op4", "op4 text", "pch", "parquet")
+# files of each in a whole run, and in one process of it
+MANY = {True: 100_000, False: 1_000}
+_AT_ONCE = 2_000
 NUMBER = re.compile(rb"-?\d+\.?\d*(?:[eE][+-]?\d+)?")
 WORDS = b"nan|-inf|1e308|-1e308|1e-320|0|-1||1e400|99999999999999999999|0x10|1_0|abc|\xff\xfe|1 2".split(b"|")
 
@@ -39,6 +48,12 @@ def sample(kind, seed=0):
         return random_mjcf(rng, n=3, extra=extra, compiler='<compiler angle="radian" eulerseq="zxy"/>').encode()
     a = rng.normal(size=(5, 5))
     a = a + a.T
+    designs = {"k_leg": a[0], "payload.mass": a[1] + 20.0}
+    if kind == "toml":
+        return dumps(mb.examples.four_bar()).encode()
+    if kind == "csv":
+        rows = [",".join(designs), *(",".join(map(repr, row)) for row in np.transpose([*designs.values()]).tolist())]
+        return "\n".join(rows).encode()
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / f"a.{kind.split()[0]}"
         if kind == "op4":
@@ -57,6 +72,10 @@ def sample(kind, seed=0):
             index = pd.MultiIndex.from_tuples([(1, 1), (1, 2), (2, 1), (7, 0), (9, 3)])
             with path.open("w") as file:
                 bulk.wtdmig(file, {"maa": pd.DataFrame(a, index, index), "kaa": pd.DataFrame(a, index, index)})
+        elif kind == "parquet":
+            import pandas as pd
+
+            pd.DataFrame(designs).to_parquet(path)
         elif kind == "mtx":
             import scipy.io
 
@@ -106,8 +125,10 @@ def mutated(data, rng):
 def read(kind, path):
     """What a user would call."""
     ending = kind.split()[0]
-    if ending in ("urdf", "xml"):
+    if ending in ("toml", "urdf", "xml"):
         return mb.Model.load(path)
+    if ending in ("csv", "parquet"):
+        return mb.design.from_table(path)
     if ending == "uff":
         return mb.load(path)
     names = None if ending != "mtx" else {"M": "A", "K": "A"}
@@ -154,12 +175,37 @@ def main():
     kind, count, seed = sys.argv[1], int(sys.argv[2]), int(sys.argv[3])
     sample(kind)  # imports what is needed before the limit
     resource.setrlimit(resource.RLIMIT_AS, (6 * 1024**3, 6 * 1024**3))
-    signal.alarm(300)
+    signal.alarm(300 + count)
     with tempfile.TemporaryDirectory() as folder:
         fine, refused, wrong = run(kind, count, seed, folder)
     print("\n".join(wrong))
     print(f"read {fine}, refused {refused}, wrong {len(wrong)}")
 
 
+def whole(share):
+    """All formats, in many processes; whether all files gave named errors only."""
+    good = True
+    for kind in (*OURS, *FOREIGN):
+        count, sums = max(1, round(share * MANY[kind in OURS])), [0, 0, 0]
+        for first in range(0, count, _AT_ONCE):
+            command = [sys.executable, __file__, kind, str(min(_AT_ONCE, count - first)), str(first + 1)]
+            done = subprocess.run(command, capture_output=True, text=True, check=False, env=environment())
+            last = re.fullmatch(r"read (\d+), refused (\d+), wrong (\d+)", done.stdout.rstrip().rpartition("\n")[2])
+            if done.returncode or last is None:
+                print(f"{kind}, seed {first + 1}: the process ended with {done.returncode}: {done.stderr[-500:]}")
+                good = False
+                continue
+            sums = [a + int(b) for a, b in zip(sums, last.groups(), strict=True)]
+            if int(last[3]):
+                print(f"{kind}, seed {first + 1}: {done.stdout}")
+                good = False
+        print(
+            f"{kind}: {sum(sums[:2]) + sums[2]} files, {sums[0]} read, {sums[1]} refused, {sums[2]} wrong", flush=True
+        )
+    return good
+
+
 if __name__ == "__main__":
+    if sys.argv[1] == "all":
+        sys.exit(0 if whole(float(sys.argv[2]) if len(sys.argv) > 2 else 1.0) else 1)
     main()

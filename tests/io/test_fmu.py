@@ -65,6 +65,27 @@ def test_a_whole_model_moves_as_it_does_here(tmp_path):
     assert run(other, 0.02, 0.01, {}, ["payload.motion.z"])["payload.motion.z"] == pytest.approx([0.0] * 3, abs=1e-15)
 
 
+def test_velocities_joints_and_reactions_are_outputs(tmp_path):
+    m = arm()
+    names = ["a.velocity.x", "b.angular_velocity.z", "hinge.coordinate", "rail.rate", "hinge.reaction[4]"]
+    path = mb.fmu(m, tmp_path / "arm.fmu", "a.force.y", names, rtol=1e-9)
+    fmi = [*names[:4], "'hinge.reaction[4]'"]
+    found = run(path, 0.3, 0.1, {}, fmi)
+    traj = mb.simulate(m, found["time"], rtol=1e-10)
+    wanted = [
+        traj.velocity("a")[:, 0],
+        traj.angular_velocity("b")[:, 2],
+        traj.joint("hinge"),
+        traj.joint_rate("rail"),
+        traj.reaction("hinge")[:, 4],
+    ]
+    for name, values in zip(fmi, wanted, strict=True):
+        assert np.abs(found[name] - values).max() < 1e-6 * np.abs(values).max(), name
+    for wrong in ("hinge.velocity.x", "a.coordinate", "hinge.coordinate[1]", "hinge.reaction", "a.velocity"):
+        with pytest.raises(ModelError, match="does not fit"):
+            mb.fmu(m, tmp_path / "arm.fmu", "a.force.y", wrong)
+
+
 @pytest.mark.filterwarnings("ignore::mbrs.errors.MbrsWarning")
 def test_what_a_unit_cannot_hold_is_named(tmp_path):
     m = arm()

@@ -13,14 +13,13 @@ import mbrs as mb
 import numpy as np
 import pytest
 import scipy.io
+from hostile_files import FOREIGN, OURS
 from mbrs import formats
 from mbrs.errors import ModelError
 from mbrs.io import _matrices, _mjcf_parts, _xml, matlab, punch
 
 HERE = Path(__file__).parent
-OURS = ("urdf", "xml", "mtx", "mat", "mat compressed", "uff", "uff text")
-FOREIGN = ("op4", "op4 text", "pch")
-NEEDS = {"urdf": "lxml", "xml": "lxml", "uff": "pyuff", "op4": "pyyeti", "pch": "pyyeti"}
+NEEDS = {"urdf": "lxml", "xml": "lxml", "uff": "pyuff", "op4": "pyyeti", "pch": "pyyeti", "parquet": "pyarrow"}
 ROBOT = '<robot name="r"><link name="a"/></robot>'
 
 
@@ -40,6 +39,7 @@ def test_damaged_files_are_named_errors(kind, tmp_path):
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="limits of POSIX")
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", FOREIGN)
 def test_damaged_files_that_a_library_reads_are_named_errors(kind):
     """In a process of its own, with a limit of memory and of time."""

@@ -380,7 +380,7 @@ def test_a_sum_of_few_modes_says_what_is_missing():
         frf(s, 0, 0, omega=omega, modes=0)
 
 
-@pytest.mark.parametrize("damped", [False, True])
+@pytest.mark.parametrize("damped", [pytest.param(False, marks=pytest.mark.slow), True])
 def test_large_sparse_systems_stay_sparse(damped):
     import scipy.sparse as sp
 

@@ -72,6 +72,9 @@ BAD = {
     "coupling must be one of loose, tight": {"coupling": "strong"},
     "density must be positive": {"density": 0.0},
     "must be a finite number": {"wind": {"speed": np.nan, "direction": "x"}},
+    "air.speed must not be negative, got -3": {"wind": {"speed": -3.0}},
+    "air.shear must not be negative": {"wind": {"speed": 3.0, "shear": -0.2, "reference_height": 80.0}},
+    "has shear and no reference_height": {"wind": {"speed": 3.0, "shear": 0.2}},
     "has no entry 'velocity'": {"wind": {"velocity": 3.0}},
     "must be what mb.aero.wind gives": {"wind": 3.0},
     "lack root, first, last": {"blades": [{"body": "arm"}]},
@@ -90,6 +93,17 @@ def test_bad_input_changes_nothing(words):
     with pytest.raises(mb.ModelError, match=words):
         m.aerodynamics("air", **given)
     assert not m.airs and same_tables(tables(m), before) == []
+
+
+@pytest.mark.parametrize(
+    "name, value", [("speed", -3.0), ("shear", -0.1), ("density", 0.0), ("reference_height", -1.0)]
+)
+def test_numbers_are_checked_when_they_change(name, value):
+    m = vane(shear=0.2, reference_height=7.0)
+    before = m.value(f"air.{name}")
+    with pytest.raises(mb.ModelError, match=f"air.{name} must"):
+        m.set({f"air.{name}": value})
+    assert m.value(f"air.{name}") == before
 
 
 def test_a_name_is_used_once():

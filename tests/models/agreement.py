@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+import mbrs as mb
 import numpy as np
 from mbrs import reference as ref
 from mbrs.linear.linearize import linearize
 from mbrs.model.tables import tables
 from mbrs.reference.assembly import close_loops, jacobian, partition, twist_map
-from mbrs.reference.kinematics import motion, place_outer, relative_pose
-from mbrs.reference.linearize import split
+from mbrs.reference.kinematics import motion, place_outer, relative_pose, split
 from mbrs.system.compiled import compiled
 from mbrs.system.snapshot import Snapshot
 from mbrs.system.state import AT_REST, State, state_of
@@ -107,8 +107,7 @@ def held(m, state, keep=None):
         r, R = np.zeros((sys.nb, 3), sys.x.dtype), np.zeros((sys.nb, 3, 3), sys.x.dtype)
         for t, (u0, _), (u, turn) in zip(sys.tree, before, now, strict=True):
             moved = relative_pose(t, *drawn_pose(sys))[0] - u0
-            free = [k for _, kind, _, k in t.coordinates if kind == "t"]
-            place_outer(t, r, R, u + np.where(np.isin(np.arange(3), free), moved, 0.0), turn)
+            place_outer(t, r, R, u + np.where(np.isin(np.arange(3), t.translations), moved, 0.0), turn)
         zero = np.zeros((sys.nb, 3))
         still = close_loops(sys, ref.State(r, R, zero, zero))
         if not state.moving:
@@ -129,3 +128,15 @@ def all_addresses(m):
     """Every address of a model, one for each field of each object, and the parameters."""
     out = [f"{item.name}.{name}" for item in m.items.values() for name in item.fields()]
     return out + list(m.parameters) + (["gravity"] if m.gravity is not None else [])
+
+
+# results that `mb.compare` takes, of a model with a body to push and a marker "tip"
+ANALYSES = {
+    "linearize": lambda m, pushed: mb.linearize(m, at=mb.equilibrium(m)),
+    "modes": lambda m, pushed: mb.modes(m, at=mb.equilibrium(m)),
+    "equilibrium": lambda m, pushed: mb.equilibrium(m),
+    "frf": lambda m, pushed: mb.frf(
+        m, f"{pushed}.force.x", "tip.motion.y", frequency=np.linspace(0.1, 3.0, 7), at=mb.equilibrium(m)
+    ),
+    "simulate": lambda m, pushed: mb.simulate(m, t=0.7, rtol=1e-9),
+}

@@ -1,4 +1,4 @@
-"""Two small systems for comparisons: rods in a leaning plane, and two masses with a cubic spring. Data invented."""
+"""Small systems for comparisons: rods in a leaning plane, a bent shaft, oscillators with cubic springs. Data invented."""
 
 import mbrs as mb
 import numpy as np
@@ -26,9 +26,23 @@ def crank(loop=True):
     return m
 
 
+def bent_shaft():
+    """A disc on a shaft in a sprung gimbal."""
+    m = mb.Model("bent shaft", gravity=(0, 0, -9.81))
+    g = m.body("gimbal", mass=1.0, inertia=(0.01, 0.012, 0.014), at=(0, 0, 0), com=(0.01, 0, 0.02))
+    d = m.body("disc", mass=2.0, inertia=(0.02, 0.02, 0.03), at=(0, 0, 0.1))
+    m.universal(
+        "support", m.ground, g, at=(0, 0, 0), axis="x", axis2="y", k=(90.0, 120.0), c=(0.1, 0.2), preload=(0.4, -0.3)
+    )
+    m.revolute("shaft", g, d, at=(0, 0, 0.1), axis="z")
+    return m
+
+
 OSCILLATOR = mb.MechanicalSystem(
     [[1.3, 0.1], [0.1, 0.7]],
     [[0.12, 0.0], [0.0, 0.05]],
     [[3.1, -0.9], [-0.9, 2.2]],
     elements=[mb.Cubic(0.8, w=[1.0, -1.0])],
 )
+DUFFING = mb.MechanicalSystem([[1.0]], [[0.1]], [[1.0]], elements=[mb.Cubic(1.5, w=[1.0])])
+TONES = [{"force": [-0.25j], "omega": 1.9}, {"force": [-0.21j], "omega": 1.9 * np.sqrt(2)}]

@@ -148,12 +148,6 @@ def test_without_air_nothing_is_left_of_it():
         without.aero("arm")
 
 
-def test_air_has_no_gradients_of_motions():
-    m = vane(flexible=False)
-    with pytest.raises(mb.MbrsError, match="'air'"):
-        mb.gradient(m, mb.AtTimes([0.1], lambda s: s["arm.position"][0]), ["arm.mass"], t=0.1)
-
-
 def test_angles_that_no_polar_holds_are_named():
     a = np.radians([-12.0, 0.0, 4.0])
     short = mb.aero.polar(a, 2 * np.pi * a, 0.01 + a**2, name="short")

@@ -116,6 +116,7 @@ def test_a_spline_through_points_of_a_sine():
     assert np.abs(turns.joint("hinge") - 30.0 * turns.t).max() < 1e-9
 
 
+@pytest.mark.exact  # noise moves the kink to the other side of the instant asked for
 def test_a_kink_is_met_exactly():
     """A ramp that starts late: the angle stays zero, then grows; the rate jumps, at the kink itself it is the one that follows."""
     traj = mb.simulate(pendulum(mb.Ramp(2.0, start=0.5)), t=[0.25, 0.5, 0.75], rtol=1e-8)

@@ -8,7 +8,6 @@ import mbrs as mb
 import motion_problems as zoo
 import numpy as np
 import pytest
-from jitter_marks import defect
 from mbrs.errors import ConvergenceError, MbrsWarning, ModelError, NameNotFoundError
 from scipy.integrate import simpson
 
@@ -152,7 +151,6 @@ def test_a_restart_goes_on_as_if_nothing_happened(law):
     assert second.t[-1] == 1.0 and gap < 1e-11
 
 
-@defect("whether a slider slips is decided by the last bit of its force", seeds={1})
 def test_a_linearisation_knows_what_sliders_remember():
     """Just after the way back began the slider sticks: its k acts, which a centred slider so far from its zero would not show."""
     k, kt, slip = 60.0, 800.0, 3.0

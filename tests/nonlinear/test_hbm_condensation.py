@@ -175,6 +175,7 @@ def test_a_thousand_masses(law):
     )
 
 
+@pytest.mark.slow
 def test_a_hundred_thousand_masses():
     n = 100_000
     system = chain(n, [Cubic(0.5, w=unit(n, (n - 1, 1.0)))])

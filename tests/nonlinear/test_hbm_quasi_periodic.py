@@ -13,7 +13,7 @@ from mbrs.linear.matrices import MechanicalSystem
 from mbrs.model.laws import CoulombTanh, Cubic, Jenkins, VanDerPol
 from mbrs.nonlinear.quasi_periodic import diamond, quasi_periodic
 from mbrs.nonlinear.quasi_periodic_curves import quasi_periodic_response
-from mbrs.reference import hbm_quasi_periodic
+from mbrs.reference import hbm_balance
 
 
 def duffing():
@@ -101,7 +101,7 @@ def test_core_equals_reference(p):
     terms[0] = [0.1, 0.0]
     for i, source in enumerate(forces):
         terms[1 + np.flatnonzero((found.indices == np.eye(p, dtype=int)[i]).all(axis=1))[0]] = source["force"]
-    reference = hbm_quasi_periodic.solve(
+    reference = hbm_balance.quasi_periodic(
         two_masses(), terms, found.omega, found.indices, found.n_samples, found.X + 1e-4
     )
     assert np.max(np.abs(found.X - reference)) < 1e-10
@@ -262,7 +262,7 @@ def test_branch_with_automatic_terms_equals_the_reference():
         if k in ([1, 0], [0, 1]):
             terms[1 + j] = -0.25j * curve.level[i]
     n_t = 4 * int(np.max(curve.indices)) + 2
-    reference = hbm_quasi_periodic.solve(costar(), terms, curve.omega[i], curve.indices, [n_t, n_t], curve.X[i])
+    reference = hbm_balance.quasi_periodic(costar(), terms, curve.omega[i], curve.indices, [n_t, n_t], curve.X[i])
     off = np.max(np.abs(reference - curve.X[i]))
     print(f"branch in the level, {len(curve)} points, {len(curve.indices)} terms: from the reference {off:.1e}")
     assert off < 1e-10

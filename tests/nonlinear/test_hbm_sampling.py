@@ -1,6 +1,7 @@
 """Samples of friction and contact: as many as the tolerance needs."""
 
 import numpy as np
+import pytest
 from mbrs.linear.matrices import MechanicalSystem
 from mbrs.model.laws import Jenkins
 from mbrs.nonlinear.frequency_response import frequency_response
@@ -18,6 +19,7 @@ def on(other, omega):
     return np.interp(omega, other.omega[order], other.amplitude()[order])
 
 
+@pytest.mark.slow
 def test_a_loose_tolerance_takes_few_samples():
     exact, used = curve(n_samples=3072), {}
     for tol in (0.1, 1e-5):

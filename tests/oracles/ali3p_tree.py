@@ -12,9 +12,8 @@ from typing import Any
 import numpy as np
 from mbrs.reference import dynamics as dyn
 from mbrs.reference.assembly import assemble, constraint_values
-from mbrs.reference.kinematics import State, System, advance, first_guess
-from mbrs.reference.linearize import split
-from mbrs.reference.motion import explicit_rates, mass, tree_map, velocity_rows
+from mbrs.reference.kinematics import State, System, advance, first_guess, split, twists_of
+from mbrs.reference.motion import explicit_rates, tree_map, velocity_rows
 from mbrs.reference.reader import located_points
 from mbrs.reference.so3 import Array
 from oracles.ali3p import Mechanism
@@ -44,7 +43,7 @@ class TreeMechanism(Mechanism):
         sys.t = 0.0
         state = assemble(sys, first_guess(sys))
         T, length = tree_map(sys, state)[0].value, self._length()
-        v = dyn.twists_of(state)
+        v = twists_of(state)
         rate = np.zeros(sys.ny, dtype=np.result_type(T, v))
         weight = np.repeat([1.0, length], 3)
         for t in sys.tree:
@@ -85,7 +84,7 @@ class TreeMechanism(Mechanism):
 
     def mass(self, q: State, p: Array) -> Array:
         """T^T M T."""
-        return mass(self.sys, q, tree_map(self.sys, q)[0].value)
+        return dyn.mass(self.sys, q, tree_map(self.sys, q)[0].value)
 
     def residual(self, t: float, q: State, v: Array, a: Array, p: Array) -> Array:
         """T^T (M (T a + T' v) + h - Q)."""

@@ -12,10 +12,20 @@ from __future__ import annotations
 import numpy as np
 from mbrs.reference.kinematics import System
 from mbrs.reference.motion import velocity_rows
-from mbrs.reference.simulate import Instant, acceleration, advance_memory, residual, row_rates, rows
+from mbrs.reference.simulate import Instant, acceleration, advance_memory, row_rates, rows
 from mbrs.reference.so3 import Array
 from oracles.explicit import explicit
-from oracles.steps import Steps, column_scales, difference, force_scales, moved, multiplier_scales, newton, row_scales
+from oracles.steps import (
+    Steps,
+    column_scales,
+    difference,
+    force_scales,
+    moved,
+    multiplier_scales,
+    newton,
+    residual,
+    row_scales,
+)
 
 WEIGHTS = np.array([25.0, -48.0, 36.0, -16.0, 3.0]) / 12
 

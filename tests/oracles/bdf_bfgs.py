@@ -23,7 +23,6 @@ from mbrs.reference.motion import (
     Motion,
     explicit_rates,
     increment_rates,
-    mass,
     remember,
     tree_map,
     velocity_rows,
@@ -63,7 +62,7 @@ class _Step:
     def __init__(self, sys: System, past: list[Motion], slope: Array, h: float, form: str) -> None:
         self.sys, self.now, self.form, self.g = sys, past[0], form, h / WEIGHTS[0]
         self.rows, self.n_position = independent_rows(sys, self.now.state)
-        M = mass(sys, self.now.state, tree_map(sys, self.now.state)[0].value)
+        M = dyn.mass(sys, self.now.state, tree_map(sys, self.now.state)[0].value)
         _, length = scales(sys)
         self.inertia = float(np.mean(np.diag(M) * length**2))
         self.sigma = np.sqrt(self.inertia / np.diag(M))

@@ -9,9 +9,8 @@ from typing import Any
 
 import numpy as np
 from mbrs.reference.assembly import constraint_values, cut_jacobian, null_space, partition, scales
-from mbrs.reference.kinematics import State, System, motion, tree_twists
+from mbrs.reference.kinematics import State, System, motion, split, tree_twists
 from mbrs.reference.linear import RANK_TOLERANCE
-from mbrs.reference.linearize import split
 from mbrs.reference.sensitivity import STEP, drawn_and_assembled
 from mbrs.reference.so3 import Array
 

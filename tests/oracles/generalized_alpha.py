@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from mbrs.reference.kinematics import System
 from mbrs.reference.motion import Motion, velocity_rows
-from mbrs.reference.simulate import Instant, advance_memory, consistent, residual, row_rates, rows
+from mbrs.reference.simulate import Instant, advance_memory, consistent, row_rates, rows
 from mbrs.reference.so3 import Array
 from oracles.steps import (
     Steps,
@@ -25,6 +25,7 @@ from oracles.steps import (
     moved,
     multiplier_scales,
     newton,
+    residual,
     row_scales,
     turned_increment,
 )

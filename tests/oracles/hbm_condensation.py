@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from mbrs.reference import hbm_balance, hbm_laws
+from mbrs.reference import hbm_balance
 
 
 def condensed_blocks(
@@ -52,7 +52,7 @@ def solve(
         for law in system.elements:
             w = law.w[kept]
             c = y.reshape(n_c, n) @ w
-            f, f_u, f_v = hbm_laws.force(law, gamma @ c, gamma @ D @ c, phase)
+            f, f_u, f_v = hbm_balance.sampled(law, gamma @ c, gamma @ D @ c, phase)
             R = R + np.kron(inverse @ f, w)
             J = J + np.kron(inverse @ (f_u[:, None] * gamma + f_v[:, None] * (gamma @ D)), np.outer(w, w))
         step = np.linalg.solve(J, -R)

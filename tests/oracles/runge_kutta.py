@@ -17,7 +17,6 @@ from mbrs.reference.motion import (
     Motion,
     explicit_rates,
     increment_rates,
-    mass,
     remember,
     tree_map,
     velocity_rows,
@@ -53,7 +52,7 @@ def accelerations(sys: System, m: Motion, rows: Array) -> Array:
     drift = T.derivative(1) @ m.rate
     h = T.value.T @ dyn.applied_residual(sys, state, drift, memory=m.memory)
     J, turning = Jt.value.T[rows], (Jt.derivative(1).T @ m.rate)[rows]
-    M = mass(sys, state, T.value)
+    M = dyn.mass(sys, state, T.value)
     turning = turning + explicit_rates(sys)[1][rows]
     return np.linalg.solve(_saddle(M, J), np.concatenate([-h, -turning]))[: sys.ny]
 
@@ -77,12 +76,12 @@ def project(sys: System, m: Motion, rows: Array, n_position: int) -> Motion:
         for _ in range(3):
             T, Jt = tree_map(sys, state)
             miss = -constraint_values(sys, state, sys.cut)[which]
-            step = _correction(mass(sys, state, T.value), Jt.value.T[rows[:n_position]], miss)
+            step = _correction(dyn.mass(sys, state, T.value), Jt.value.T[rows[:n_position]], miss)
             state = advance(sys, state, step)
     T, Jt = tree_map(sys, state)
     J = Jt.value.T[rows]
     miss = -J @ m.rate - explicit_rates(sys)[0][rows]
-    rate = m.rate + _correction(mass(sys, state, T.value), J, miss)
+    rate = m.rate + _correction(dyn.mass(sys, state, T.value), J, miss)
     return Motion(state, rate, m.memory)
 
 

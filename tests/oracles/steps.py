@@ -11,10 +11,11 @@ from typing import Any
 
 import numpy as np
 from mbrs.errors import ConvergenceError
+from mbrs.reference import dynamics as dyn
 from mbrs.reference import so3
 from mbrs.reference.assembly import scales
 from mbrs.reference.kinematics import State, System, advance, relative_pose
-from mbrs.reference.motion import Motion, increment_rates
+from mbrs.reference.motion import Motion, increment_rates, tree_map, with_rates
 from mbrs.reference.simulate import History, least_norm, mass_matrix
 from mbrs.reference.so3 import Array
 
@@ -26,6 +27,14 @@ class Steps(History):
     """Record of a scheme, step by step, with its number of Newton iterations."""
 
     iterations: int = 0
+
+
+def residual(sys: System, m: Motion, a: Array, lam: Array) -> Array:
+    """M a + h + J^T lam (ny,)."""
+    state = with_rates(sys, m)
+    T, Jt = tree_map(sys, state, moving=True)
+    twist_rates = T.derivative(1) @ m.rate + T.value @ a
+    return T.value.T @ dyn.applied_residual(sys, state, twist_rates, memory=m.memory) + Jt.value @ lam
 
 
 def row_scales(sys: System) -> Array:
@@ -50,7 +59,7 @@ def turned_increment(sys: System, dy: Array, h: float, v0: Array, v1: Array) -> 
     """
     parts, place = [], 0
     for t in sys.tree:
-        if t.link.kind in ("spherical", "free"):
+        if t.turns_freely:
             last = slice(t.stop - 3, t.stop)
             parts += [dy[place : t.stop - 3], dy[last] - t.sign * h * h / 12 * np.cross(v0[last], v1[last])]
             place = t.stop
@@ -68,9 +77,9 @@ def difference(sys: System, start: State, end: State) -> Array:
             out += _universal(t, R0, R1)
             continue
         turn = so3.log(R1 @ R0.T)
-        out += [t.sign * (u1[k] - u0[k] if kind == "t" else turn[k]) for _, kind, _, k in t.coordinates]
+        out += [t.sign * (u1[k] - u0[k] if kind == "u" else turn[k]) for kind, k, _ in t.coordinates]
     for f in sys.flexible:
-        out += list(f.coordinates(end.r) - f.coordinates(start.r))
+        out += list(f.held(end.r) - f.held(start.r))
     return np.array(out)
 
 

@@ -12,10 +12,10 @@ import inspect
 import mbrs as mb
 import numpy as np
 import pytest
-from cranks import OSCILLATOR, crank
+from cranks import DUFFING, OSCILLATOR, TONES, bent_shaft, crank
 from mbrs import reference as ref
 from mbrs.model.tables import directions, tables
-from mbrs.reference import hbm_balance, hbm_quasi_periodic, hbm_shooting
+from mbrs.reference import hbm_shooting
 from mbrs.results import Result
 
 # Analyses that only run others, or arrange what these computed: what they run has a counterpart.
@@ -57,13 +57,7 @@ def compared(result):
 
 
 def steady_motion():
-    m = mb.Model("bent shaft", gravity=(0, 0, -9.81))
-    g = m.body("gimbal", mass=1.0, inertia=(0.01, 0.012, 0.014), at=(0, 0, 0), com=(0.01, 0, 0.02))
-    d = m.body("disc", mass=2.0, inertia=(0.02, 0.02, 0.03), at=(0, 0, 0.1))
-    m.universal(
-        "support", m.ground, g, at=(0, 0, 0), axis="x", axis2="y", k=(90.0, 120.0), c=(0.1, 0.2), preload=(0.4, -0.3)
-    )
-    m.revolute("shaft", g, d, at=(0, 0, 0.1), axis="z")
+    m = bent_shaft()
     pairs = []
     for speed in (0.0, 40.0, 300.0):
         found = mb.steady_motion(m, {"shaft": speed})
@@ -75,13 +69,10 @@ def steady_motion():
 
 
 def response():
-    m, lin, other = linear()
     t = np.linspace(0.0, 2.3, 47)
     load = np.sin(3.1 * t) + 0.3 * t
-    found = mb.response(lin, t, {"coupler.force.x": load}, ["coupler.motion.x", "coupler.motion.y"])
-    along_x, along_y = ref.motion_rows(ref.System(tables(m)), other, "coupler")[:2]
-    y, _ = ref.response(other.M, other.D, other.S, along_x[:, None], t, load)
-    return [(found.displacement[0], y @ along_x), (found.displacement[1], y @ along_y)]
+    outputs = ["coupler.motion.x", "coupler.motion.y"]
+    return compared(mb.response(linear()[1], t, {"coupler.force.x": load}, outputs))
 
 
 def state_space():
@@ -144,17 +135,8 @@ def gradient():
     ]
 
 
-def balanced(point, system):
-    """The coefficients of a point of a curve, and what Newton's method on the reference's equations makes of them."""
-    columns = [0, *(c for h in (1, 3, 5) for c in (2 * h - 1, 2 * h))]
-    X = point.X[:, columns]
-    off = X + 1e-3 * np.abs(X).max()
-    return X, hbm_balance.harmonic_balance(system, [0.0, 0.31], point.omega, [1, 3, 5], point.n_samples, off)
-
-
 def frequency_response():
-    curve = mb.frequency_response(OSCILLATOR, force=[0.0, 0.31], omega=(0.5, 2.9), harmonics=[1, 3, 5])
-    return [balanced(curve.point(i), OSCILLATOR) for i in (0, len(curve.omega) // 2, len(curve.omega) - 1)]
+    return compared(mb.frequency_response(OSCILLATOR, force=[0.0, 0.31], omega=(0.5, 2.9), harmonics=[1, 3, 5]))
 
 
 def parameter_response():
@@ -162,8 +144,7 @@ def parameter_response():
         return mb.MechanicalSystem(OSCILLATOR.M, OSCILLATOR.C, OSCILLATOR.K, elements=[mb.Cubic(k, w=[1.0, -1.0])])
 
     options = {"force": [0.0, 0.31], "omega": 1.37, "harmonics": [1, 3, 5]}
-    point = (curve := mb.parameter_response(family, value=(0.2, 1.1), **options)).point(len(curve.value) - 1)
-    return [balanced(point, family(float(curve.value[-1])))]
+    return compared(mb.parameter_response(family, value=(0.2, 1.1), **options))
 
 
 def limit_cycle():
@@ -175,28 +156,12 @@ def limit_cycle():
     return [(found.period, period), (np.sort(found.exponents.real), np.sort(exponents.real), 1.0 / period)]
 
 
-DUFFING = mb.MechanicalSystem([[1.0]], [[0.1]], [[1.0]], elements=[mb.Cubic(1.5, w=[1.0])])
-TONES = [{"force": [-0.25j], "omega": 1.9}, {"force": [-0.21j], "omega": 1.9 * np.sqrt(2)}]
-
-
-def torus(found):
-    """Coefficients of a quasi-periodic motion, and what Newton's method on the reference's equations makes of them."""
-    terms = np.zeros((len(found.indices) + 1, 1), complex)
-    for number, tone in enumerate(TONES):
-        place = [tuple(k) for k in found.indices].index(tuple(np.eye(2, dtype=int)[number]))
-        terms[1 + place] = tone["force"]
-    off = found.X + 1e-4 * np.abs(found.X).max()
-    X = hbm_quasi_periodic.solve(DUFFING, terms, found.omega, found.indices, (32, 32), off)  # exact for a cubic
-    return found.X, X
-
-
 def quasi_periodic():
-    return [torus(mb.quasi_periodic(DUFFING, TONES, harmonics=5))]
+    return compared(mb.quasi_periodic(DUFFING, TONES, harmonics=5))
 
 
 def quasi_periodic_response():
-    curve = mb.quasi_periodic_response(DUFFING, TONES, scale=(1.0, 1.1), harmonics=5)
-    return [torus(curve.point(i)) for i in (0, len(curve) - 1)]
+    return compared(mb.quasi_periodic_response(DUFFING, TONES, scale=(1.0, 1.1), harmonics=5))
 
 
 def root():

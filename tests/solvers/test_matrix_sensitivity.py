@@ -6,6 +6,7 @@ import pytest
 from mbrs import matrix_calculus as mc
 from mbrs import reference as ref
 from mbrs.model.tables import directions, tables
+from mbrs.reference import dynamics as dyn
 from mbrs.reference import motion as rm
 from mbrs.reference.kinematics import advance, drawn_state
 from oracles.ali3p import Scheme
@@ -43,7 +44,7 @@ def test_rigid_form_is_the_production_path():
 
     def mass(V, q, t):
         sys, motion = scene(V, q)
-        return rm.mass(sys, motion.state, rm.tree_map(sys, motion.state)[0].value)
+        return dyn.mass(sys, motion.state, rm.tree_map(sys, motion.state)[0].value)
 
     def force(V, q, v, t):
         sys, motion = scene(V, q)
@@ -103,9 +104,8 @@ def test_flexible_form_of_a_flexible_body():
     of a motion that satisfies eq. 17 by complex steps through the accelerations and multipliers that follow from it.
     """
     from beam_models import rotor_blade
-    from mbrs.reference import dynamics as dyn
-    from mbrs.reference.kinematics import advance
-    from mbrs.reference.motion import mass, tree_map, with_rates
+    from mbrs.reference.kinematics import advance, moving
+    from mbrs.reference.motion import tree_map, with_rates
 
     m = rotor_blade(modes=2, twist=0.3)[0]
     m.gravity = (1.0, -9.0, 2.0)
@@ -129,7 +129,7 @@ def test_flexible_form_of_a_flexible_body():
 
     def M(V, q, t):
         sys, state = at(V, q, 0 * q)
-        return mass(sys, state, tree_map(sys, state)[0].value)
+        return dyn.mass(sys, state, tree_map(sys, state)[0].value)
 
     def K(V, q, t):
         out = np.zeros((3, 3), dtype=np.result_type(V, q))
@@ -144,7 +144,7 @@ def test_flexible_form_of_a_flexible_body():
 
     def F(V, q, t):
         sys, state = at(V, q, 0 * q)
-        return tree_map(sys, state)[0].value.T @ dyn.load_forces(sys, state)[0]
+        return tree_map(sys, state)[0].value.T @ dyn.loads(sys, moving(state, np.zeros(6 * sys.nb))).value[0]
 
     form = mc.flexible(
         M=M, K=K, Q=Q, F=F, C=lambda V, q, t: np.array([q[0] - V[1, 1] * t]), C_q=lambda V, q, t: np.eye(1, 3)

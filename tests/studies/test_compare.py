@@ -6,7 +6,7 @@ from dataclasses import replace
 import mbrs as mb
 import numpy as np
 import pytest
-from cranks import OSCILLATOR, crank
+from cranks import DUFFING, OSCILLATOR, TONES, bent_shaft, crank
 from mbrs.studies import compare as module
 
 RESULTS = {
@@ -25,6 +25,22 @@ RESULTS = {
         at=mb.equilibrium(crank()),
     ),
     "harmonic balance": lambda: mb.harmonic_balance(OSCILLATOR, force=[0.0, 0.31], omega=1.37, harmonics=9),
+    "response": lambda: mb.response(
+        crank(),
+        np.linspace(0.0, 2.3, 47),
+        {"coupler.force.x": lambda t: np.sin(3.1 * t)},
+        ["coupler.motion.x", "coupler.motion.y"],
+        at=mb.equilibrium(crank()),
+    ),
+    "steady motion": lambda: mb.steady_motion(bent_shaft(), {"shaft": 40.0}),
+    "limit cycle": lambda: mb.limit_cycle(
+        mb.MechanicalSystem([[1.3]], [[-0.4]], [[2.1]], elements=[mb.VanDerPol(0.4, w=[1.0])]), harmonics=21
+    ),
+    "frequency response": lambda: mb.frequency_response(
+        OSCILLATOR, force=[0.0, 0.31], omega=(0.5, 2.9), harmonics=[1, 3, 5]
+    ),
+    "quasi-periodic": lambda: mb.quasi_periodic(DUFFING, TONES, harmonics=5),
+    "quasi-periodic response": lambda: mb.quasi_periodic_response(DUFFING, TONES, scale=(1.0, 1.1), harmonics=5),
     "simulate": lambda: mb.simulate(crank(), t=0.41, rtol=1e-9),
     "simulate open": lambda: mb.simulate(crank(False), t=0.23, rtol=1e-9),
 }
@@ -58,6 +74,27 @@ def test_the_table_is_a_result_like_others(tmp_path):
 def test_what_is_no_result_is_refused(wrong):
     with pytest.raises(mb.ModelError, match="compare takes one of"):
         mb.compare(wrong)
+
+
+def slider(law):
+    m = mb.Model("cart", gravity=(0, 0, -9.81))
+    cart = m.body("cart", mass=2.0, inertia=(1, 1, 1), at=(0, 0, 0), velocity=(0.3, 0, 0))
+    m.prismatic("rail", m.ground, cart, at=(0, 0, 0), axis="x", k=20.0, law=law)
+    return m
+
+
+def test_motion_of_a_slider_is_compared_but_not_one_that_slips():
+    assert mb.compare(mb.simulate(slider(mb.Cubic(30.0)), t=0.4, rtol=1e-9))
+    with pytest.raises(mb.ModelError, match="'rail' has a law that slips"):
+        mb.compare(mb.simulate(slider(mb.Jenkins(50.0, 2.0)), t=0.4, rtol=1e-9))
+
+
+def test_a_body_that_turns_over_is_compared(monkeypatch):
+    """By more than half a turn between the times that are compared."""
+    monkeypatch.setattr(module, "_TIMES", 1)
+    m = mb.Model("spin")
+    m.body("top", mass=1.0, inertia=(1, 2, 3), at=(0, 0, 0), angular_velocity=(0.1, 12.0, 0.1))
+    assert mb.compare(mb.simulate(m, t=0.4, rtol=1e-9))
 
 
 def test_large_models_are_refused_with_their_size(monkeypatch):

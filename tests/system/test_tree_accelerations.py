@@ -6,6 +6,7 @@ import jitter
 import mbrs as mb
 import numpy as np
 import pytest
+from hinged_chain import hinged_chain
 from mbrs import reference as ref
 from mbrs.model.tables import tables
 from mbrs.reference.simulate import begin
@@ -56,21 +57,9 @@ def test_coordinates_without_inertia_of_their_own():
     assert "mass factorisations" in counts and abs(found.sum() - expected[0]) < 1e-9 * abs(expected[0])
 
 
-def chain(n):
-    """Rods on hinges with oblique, unequal axes."""
-    rng = np.random.default_rng(n)
-    m = mb.Model("chain", gravity=(0.0, 1.0, -9.81))
-    before, place, d = m.ground, np.zeros(3), np.array([0.6, 0.3, -0.2])
-    for i in range(n):
-        body = m.body(f"b{i}", mass=0.3, inertia=(0.01, 0.012, 0.009), at=place + d / 2)
-        m.revolute(f"j{i}", before, body, at=place, axis=rng.normal(size=3))
-        before, place = body, place + d
-    return m
-
-
 def test_long_chains_take_one_recursion_an_evaluation():
     """Both routes on a chain of 40 hinges: the reference solves with M, whose condition grows with n^4."""
-    m = chain(40)
+    m = hinged_chain(40)
     rate, found, counts = started(m)
     s = ref.System(tables(m))
     expected = begin(s, ref.drawn_state(s), rate).a

@@ -1,5 +1,6 @@
 """Events of response curves against multipliers computed here, and curves that do not depend on how they are run through."""
 
+import mbrs as mb
 import numpy as np
 import pytest
 from mbrs.linear.matrices import MechanicalSystem
@@ -92,3 +93,27 @@ def test_events_are_those_of_the_other_direction():
         down = frequency_response(system, force=[0.2, 0.1], omega=ends[::-1], harmonics=3)
         assert [e.kind for e in up.events] == [e.kind for e in down.events][::-1]
         assert np.allclose([e.omega for e in up.events], [e.omega for e in down.events][::-1], rtol=1e-8)
+
+
+def beam_with_a_stop():
+    """A cantilever whose tip meets a stop: around 9 Hz its motion loses stability over a band of .15 Hz."""
+    beam = mb.flexible.beam(
+        1.0, E=2.1e11, rho=7800.0, area=2e-4, I_flap=1.6667e-9, I_edge=6.667e-9, modes=8, attach=["tip"], damping=0.01
+    )
+    m = mb.Model("beam")
+    body = m.flexible_body("beam", beam)
+    m.fixed("clamp", m.ground, body.node("root"))
+    tip = body.node("tip")
+    m.bushing("stop", m.ground, tip, at=(1, 0, 0), law={"z": mb.Gap(5e3, 1e-3)})
+    return m, tip.force("z")
+
+
+@pytest.mark.slow
+def test_a_band_without_stability_between_two_points_is_found():
+    """Steps of the sweep downwards reach over the whole band, at whose ends the motion is stable."""
+    m, force = beam_with_a_stop()
+    bands = []
+    for ends in ((8.6, 9.6), (15.0, 5.0)):
+        curve = mb.frequency_response(m, inputs=force, amplitude=0.3, frequency=ends, harmonics=15)
+        bands.append(sorted(e.omega for e in curve.events if e.kind == "neimark-sacker"))
+    assert len(bands[0]) == len(bands[1]) == 2 and np.allclose(*bands, rtol=1e-6), bands

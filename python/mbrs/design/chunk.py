@@ -9,14 +9,16 @@ import re
 import time
 import zipfile
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import Any, Protocol
 
 import numpy as np
 
 from ..errors import ModelError
-from .fast import FastModes, fast_modes
+from ..model.addresses import adopt, target
+from ..model.model import Model
+from .fast import Block, FastPlan, fast_plan
 from .limit import OutOfTime, time_limit
 from .outputs import Analysis
 
@@ -35,7 +37,7 @@ class Scene(Protocol):
     def prepare(self) -> None: ...
     def model(self) -> Any: ...
     def outputs(self, model: Any) -> Mapping[str, Any]: ...
-    def fast(self, names: tuple[str, ...]) -> FastModes | None: ...
+    def fast(self, names: tuple[str, ...]) -> FastPlan | None: ...
 
 
 @dataclass(frozen=True)
@@ -54,7 +56,7 @@ class LocalScene:
     def outputs(self, model: Any) -> Mapping[str, Any]:
         return self.function(model)
 
-    def fast(self, names: tuple[str, ...]) -> FastModes | None:
+    def fast(self, names: tuple[str, ...]) -> FastPlan | None:
         return _fast(self, names) if isinstance(self.function, Analysis) else None
 
 
@@ -75,7 +77,7 @@ class PackedScene:
     def outputs(self, model: Any) -> Mapping[str, Any]:
         return _unpacked(self.packed_function)(model)
 
-    def fast(self, names: tuple[str, ...]) -> FastModes | None:
+    def fast(self, names: tuple[str, ...]) -> FastPlan | None:
         return _fast(self, names) if isinstance(_unpacked(self.packed_function), Analysis) else None
 
 
@@ -85,25 +87,28 @@ def _unpacked(data: bytes) -> Any:
 
 
 @lru_cache(maxsize=4)
-def _fast(scene: LocalScene | PackedScene, names: tuple[str, ...]) -> FastModes | None:
+def _fast(scene: LocalScene | PackedScene, names: tuple[str, ...]) -> FastPlan | None:
     """The fast path of a scene, made once for all its chunks."""
     function = scene.function if isinstance(scene, LocalScene) else _unpacked(scene.packed_function)
-    return fast_modes(scene.model, names, function)
+    return fast_plan(scene.model, names, function)
 
 
 @dataclass(frozen=True)
 class Task:
-    """Rows of designs for a worker: ``first`` is the index of the first, ``limit`` seconds for each (or None)."""
+    """Rows of designs for a worker: ``first`` is the index of the first, ``limit`` seconds for each (or None), ``threads`` of the core
+    for those that it computes by itself.
+    """
 
     scene: Scene
     names: tuple[str, ...]
     first: int
     values: np.ndarray
     limit: float | None = None
+    threads: int = 1
 
     def part(self, start: int, stop: int) -> Task:
         """Some of its rows."""
-        return Task(self.scene, self.names, self.first + start, self.values[start:stop], self.limit)
+        return replace(self, first=self.first + start, values=self.values[start:stop])
 
 
 @dataclass(frozen=True)
@@ -125,6 +130,10 @@ class Column:
     rows: np.ndarray
     shapes: np.ndarray
     flat: np.ndarray
+
+    def sizes(self) -> np.ndarray:
+        """Number of entries of each row."""
+        return np.asarray(np.prod(np.where(self.shapes < 0, 1, self.shapes), axis=1, dtype=np.int64))
 
 
 @dataclass
@@ -151,13 +160,13 @@ def _never() -> bool:
     return False
 
 
-def _nothing() -> None:
+def _nothing(n: int) -> None:
     pass
 
 
-def run(task: Task, stop: Callable[[], bool] = _never, tick: Callable[[], None] = _nothing) -> Chunk:
-    """Compute the designs of a task one after the other, with a ``tick`` after each. What a design raises is its failure; Ctrl-C
-    or ``stop`` end the chunk early, with the designs that are finished.
+def run(task: Task, stop: Callable[[], bool] = _never, tick: Callable[[int], None] = _nothing) -> Chunk:
+    """Compute the designs of a task one after the other, and ``tick`` how many were finished. What a design raises is its failure;
+    Ctrl-C or ``stop`` end the chunk early, with the designs that are finished.
     """
     task.scene.prepare()
     made = _Results(task, tick)
@@ -175,64 +184,100 @@ def run(task: Task, stop: Callable[[], bool] = _never, tick: Callable[[], None] 
             stopped = True
     n = len(made.status)
     status, seconds = np.array(made.status, np.int8), np.array(made.seconds)
-    return Chunk(task.first, task.values[:n], status, seconds, made.failures, columns_of(made.rows), stopped)
+    return Chunk(task.first, task.values[:n], status, seconds, made.failures, made.columns(), stopped)
 
 
 class _Results:
     """Results of the first designs of a task, as they come."""
 
-    def __init__(self, task: Task, tick: Callable[[], None]) -> None:
+    def __init__(self, task: Task, tick: Callable[[int], None]) -> None:
         self._task, self._tick = task, tick
         self.status: list[int] = []
         self.seconds: list[float] = []
         self.failures: list[Failure] = []
-        self.rows: list[tuple[int, dict[str, np.ndarray]]] = []
+        # outputs by Python, design by design, and by the core
+        self._rows: list[tuple[int, dict[str, np.ndarray]]] = []
+        self._parts: dict[str, list[Column]] = {}
+        self._pattern = _pattern(task)
         # None until the first remark: is it an error (by a filter of warnings)?
         self._remark_fails: bool | None = None
+
+    def columns(self) -> dict[str, Column]:
+        """All outputs, each by its rows."""
+        found = {name: [column] for name, column in columns_of(self._rows).items()}
+        for name, parts in self._parts.items():
+            found.setdefault(name, []).extend(parts)
+        return {name: _joined(parts) for name, parts in found.items()}
 
     def single(self) -> None:
         """The next design, by Python."""
         i, start = len(self.status), time.perf_counter()
-        found = _one(self._task, self._task.values[i])
+        found = _one(self._task, self._task.values[i], self._pattern)
         seconds = time.perf_counter() - start
         if isinstance(found, Failure):
             self.failures.append(Failure(self._task.first + i, found.error, found.object, found.message))
-            self._finish(TIMEOUT if found.error == OutOfTime.__name__ else FAILED, seconds)
+            self._finish([TIMEOUT if found.error == OutOfTime.__name__ else FAILED], [seconds])
         else:
-            self.rows.append((i, found))
-            self._finish(DONE, seconds)
+            self._rows.append((i, found))
+            self._finish([DONE], [seconds])
 
-    def _finish(self, status: int, seconds: float) -> None:
-        self.status.append(status)
-        self.seconds.append(seconds)
-        self._tick()
+    def _finish(self, status: list[int], seconds: list[float]) -> None:
+        self.status += status
+        self.seconds += seconds
+        self._tick(len(status))
 
-    def block(self, fast: FastModes) -> None:
+    def block(self, fast: FastPlan) -> None:
         """Some designs, by the core where it can."""
         first, limit = len(self.status), self._task.limit
-        made = fast.compute(self._task.values[first:])
-        rows = iter(fast.rows(made))
-        for j, (computed, seconds, remark) in enumerate(
-            zip(made.computed.tolist(), made.seconds.tolist(), made.remark.tolist(), strict=True)
-        ):
-            row = next(rows) if computed else None
-            if row is None or (limit is not None and seconds > limit) or (remark and self._fails(first + j)):
+        made = fast.compute(self._task.values[first:], self._task.threads)
+        left = ~made.computed
+        if limit is not None:
+            left |= made.seconds > limit
+        for j in np.flatnonzero(made.remark & ~left).tolist():
+            left[j] = self._fails(first + j)
+        at = 0
+        for j in [*np.flatnonzero(left).tolist(), len(left)]:
+            self._keep(made, at, j)
+            if j < len(left):
                 self.single()
-            else:
-                self.rows.append((first + j, row))
-                self._finish(DONE, seconds)
+            at = j + 1
+
+    def _keep(self, made: Block, start: int, end: int) -> None:
+        """Designs of a block that the core has computed, from ``start`` to before ``end``."""
+        if start == end:
+            return
+        rows = np.arange(len(self.status), len(self.status) + end - start)
+        for output, shapes, flat in made.part(start, end):
+            key = f"{'c' if output.is_complex else 'f'}:{output.name}"
+            self._parts.setdefault(key, []).append(Column(rows, shapes, flat))
+        self._finish([DONE] * (end - start), made.seconds[start:end].tolist())
 
     def _fails(self, i: int) -> bool:
         """Let Python say what there is to say of a design, once; whether it makes the design fail."""
         if self._remark_fails is None:
-            self._remark_fails = isinstance(_one(self._task, self._task.values[i]), Failure)
+            self._remark_fails = isinstance(_one(self._task, self._task.values[i], self._pattern), Failure)
         return self._remark_fails
 
 
-def _one(task: Task, row: np.ndarray) -> dict[str, np.ndarray] | Failure:
+def _pattern(task: Task) -> Model | None:
+    """A model that knows the names of the designs, for its copies to take over; None where that is left to each of them."""
+    try:
+        model = task.scene.model()
+        if isinstance(model, Model):
+            for name in task.names:
+                target(model, name)
+            return model
+    except Exception:  # a failure of each design
+        pass
+    return None
+
+
+def _one(task: Task, row: np.ndarray, pattern: Model | None) -> dict[str, np.ndarray] | Failure:
     try:
         with time_limit(task.limit):
             model = task.scene.model()
+            if pattern is not None:
+                adopt(model, pattern)
             model.set(dict(zip(task.names, row.tolist(), strict=True)))
             return checked(task.scene.outputs(model))
     except OutOfTime:
@@ -291,6 +336,23 @@ def _column(found: list[tuple[int, np.ndarray]]) -> Column:
         shapes[i, : value.ndim] = value.shape
     flat = np.concatenate([value.ravel() for _, value in found])
     return Column(np.array([i for i, _ in found], dtype=np.int64), shapes, flat)
+
+
+def _joined(parts: list[Column]) -> Column:
+    """One column of several, in the order of their rows."""
+    if len(parts) == 1:
+        return parts[0]
+    parts = sorted(parts, key=lambda part: int(part.rows[0]))
+    most = max(part.shapes.shape[1] for part in parts)
+    shapes = [np.pad(p.shapes, ((0, 0), (0, most - p.shapes.shape[1])), constant_values=-1) for p in parts]
+    whole = Column(*(np.concatenate(a) for a in ([p.rows for p in parts], shapes, [p.flat for p in parts])))
+    order = np.argsort(whole.rows, kind="stable")
+    if np.array_equal(order, np.arange(len(order))):
+        return whole
+    ends = np.cumsum(whole.sizes())
+    starts = ends - whole.sizes()
+    flat = np.concatenate([whole.flat[starts[i] : ends[i]] for i in order.tolist()])
+    return Column(whole.rows[order], whole.shapes[order], flat)
 
 
 def packed(chunk: Chunk) -> bytes:

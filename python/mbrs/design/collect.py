@@ -46,6 +46,8 @@ def collected(
             j: Failure(j, f.error, f.object, f.message) for j, i in enumerate(take.tolist()) if (f := failures.get(i))
         }
     arrays = {name: _without(array, codes) for name, array in arrays.items()}
+    for array in arrays.values():
+        array.setflags(write=False)  # the session looks at them as well
     return _runs(designs, arrays, codes, seconds, failures, outputs, status, session)
 
 
@@ -88,8 +90,7 @@ def _part(chunk: Chunk, wanted: np.ndarray) -> list[Chunk]:
     for name, column in chunk.columns.items():
         keep = np.isin(column.rows, inside)
         if keep.any():
-            sizes = np.prod(np.where(column.shapes < 0, 1, column.shapes), axis=1)
-            columns[name] = Column(column.rows[keep], column.shapes[keep], column.flat[np.repeat(keep, sizes)])
+            columns[name] = Column(column.rows[keep], column.shapes[keep], column.flat[np.repeat(keep, column.sizes())])
     return [replace(chunk, columns=columns)]
 
 
@@ -117,9 +118,11 @@ def _array(name: str, n: int, count: int, columns: Sequence[tuple[int, Column]])
     same = filled == count and all(np.all(column.shapes == most) for _, column in columns if ndim)
     if not same and kind.kind in "bi":
         kind = np.dtype(float)
-    full = np.full((n, *most), np.nan if kind.kind in "fc" else 0, dtype=kind)
+    full = np.empty((n, *most), dtype=kind)
+    known = np.zeros(n, dtype=bool)
     for first, column in columns:
-        _fill(full, first, column, ndim)
+        known[first + column.rows] = _fill(full, first, column, ndim)
+    full[~known] = np.nan if kind.kind in "fc" else 0
     return full, wrong
 
 
@@ -128,17 +131,29 @@ def _dimensions(shapes: np.ndarray) -> np.ndarray:
     return np.sum(shapes >= 0, axis=1)
 
 
-def _fill(full: np.ndarray, first: int, column: Column, ndim: int) -> None:
+def _fill(full: np.ndarray, first: int, column: Column, ndim: int) -> np.ndarray:
+    """Put the rows of a column into the whole array; (rows,) bool tells of which there is something."""
+    rows = first + column.rows
     if np.all(column.shapes == full.shape[1:]) and column.shapes.shape[1] == ndim:
-        full[first + column.rows] = column.flat.reshape(len(column.rows), *full.shape[1:])
-        return
-    sizes = np.prod(np.where(column.shapes < 0, 1, column.shapes), axis=1)
+        full[rows] = column.flat.reshape(len(rows), *full.shape[1:])
+        _share(full, rows, column)
+        return np.ones(len(rows), dtype=bool)
+    sizes = column.sizes()
     ends = np.cumsum(sizes)
-    for row, shape, size, end in zip(column.rows, column.shapes, sizes, ends, strict=True):
-        shape = shape[shape >= 0]
-        if len(shape) == ndim:
-            place: Any = (first + int(row), *(slice(0, int(m)) for m in shape))
-            full[place] = column.flat[end - size : end].reshape(shape)
+    fits = _dimensions(column.shapes) == ndim
+    full[rows[fits]] = np.nan if full.dtype.kind in "fc" else 0
+    for i in np.flatnonzero(fits).tolist():
+        shape = column.shapes[i][column.shapes[i] >= 0]
+        place: Any = (int(rows[i]), *(slice(0, int(m)) for m in shape))
+        full[place] = column.flat[ends[i] - sizes[i] : ends[i]].reshape(shape)
+    return fits
+
+
+def _share(full: np.ndarray, rows: np.ndarray, column: Column) -> None:
+    """Let a column look at its rows of the whole array, so that results of many designs are in memory once."""
+    if len(rows) and rows[-1] - rows[0] == len(rows) - 1 and full.dtype == column.flat.dtype:
+        column.flat = full[rows[0] : rows[-1] + 1].reshape(-1)
+        column.shapes = np.broadcast_to(column.shapes[0], column.shapes.shape)
 
 
 def _without(array: np.ndarray, codes: np.ndarray) -> np.ndarray:

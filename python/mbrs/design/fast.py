@@ -17,6 +17,7 @@ import numpy as np
 from .. import _core
 from .._lib.border import core_errors
 from ..errors import MbrsError
+from ..linear.frf import ORDER_OUT
 from ..linear.sparse_modes import is_large
 from ..linear.stiffness_factor import GEOMETRIC
 from ..model.addresses import Target, driver, target
@@ -26,15 +27,16 @@ from ..model.forces import Element
 from ..model.function_calls import FunctionCall
 from ..model.joint import Joint
 from ..model.model import Model
-from ..model.schema import LAW_OF_CODE
+from ..model.names import GROUND
+from ..model.ports import Port, as_port
+from ..model.schema import LAW_OF_CODE, MARKER
 from ..model.tables import offsets
 from ..system.compiled import compiled
 from ..system.effects import deciding_places, effects
-from .outputs import Modes
+from .outputs import Analysis, Equilibrium, Frf, Modes
 
 # Seconds of a block of designs, after which the client looks for Ctrl-C.
 _BLOCK = 0.05
-_DERIVED = ("frequency_derivative", "damping_derivative")
 
 Place = tuple[int | None, list[int]]
 
@@ -44,52 +46,68 @@ class _PythonDecides(Exception):
 
 
 @dataclass(frozen=True)
+class Output:
+    """An array of a design: its name, its shape (-1 for the number of modes), and whether it is complex."""
+
+    name: str
+    shape: tuple[int, ...]
+    is_complex: bool = False
+
+
+@dataclass(frozen=True)
 class Block:
-    """Results of some designs: which are ``computed`` (m,), on which Python has a ``remark``, the ``count`` of their modes, and their
-    numbers one behind the other.
+    """Results of some designs (m,): which are ``computed``, on which Python has a ``remark``, the ``count`` of their modes, and the
+    numbers of those that were computed one behind the other, an array for each output.
     """
 
     computed: np.ndarray
     seconds: np.ndarray
     remark: np.ndarray
     count: np.ndarray
-    numbers: dict[str, np.ndarray]
+    arrays: list[np.ndarray]
+    outputs: tuple[Output, ...]
+
+    def part(self, first: int, end: int) -> list[tuple[Output, np.ndarray, np.ndarray]]:
+        """Each output of the designs from ``first`` to before ``end``, all of which were computed: shapes, and entries as they lie."""
+        counts = self.count[first:end]
+        before = int(np.maximum(self.count[:first], 0).sum())
+        found = []
+        for output, array in zip(self.outputs, self.arrays, strict=True):
+            each = int(np.prod([m for m in output.shape if m >= 0], dtype=np.int64))
+            shapes = np.tile(np.array(output.shape, dtype=np.int64), (len(counts), 1))
+            shapes[shapes < 0] = counts if -1 in output.shape else 0
+            flat = array.view(np.complex128) if output.is_complex else array
+            at = before * each
+            found.append((output, shapes, flat[at : at + int(counts.sum()) * each]))
+        return found
 
 
-class FastModes:
-    """Modes of the designs of one model, by one plan in the core."""
+class FastPlan:
+    """One analysis of the designs of a model, by one plan in the core."""
 
-    def __init__(self, plan: Any, shape: tuple[int, ...] | None) -> None:
-        self._plan, self._shape = plan, shape
+    def __init__(self, plan: Any, outputs: tuple[Output, ...], own: np.ndarray) -> None:
+        self._plan, self._outputs, self._own = plan, outputs, own
         self._size = 1
 
-    def rows(self, block: Block) -> list[dict[str, np.ndarray]]:
-        """The outputs of each design that was computed."""
-        out, at = [], 0
-        for count in block.count[block.computed].tolist():
-            found = {name: block.numbers[name][at : at + count] for name in ("frequency", "damping")}
-            if self._shape is not None:
-                p = int(np.prod(self._shape))
-                part = slice(at * p, (at + count) * p)
-                found |= {name: block.numbers[name][part].reshape(count, *self._shape) for name in _DERIVED}
-            at += count
-            out.append(found)
-        return out
+    @property
+    def decides(self) -> bool:
+        """True where the core computes the model with its own values (1, columns)."""
+        with core_errors():
+            return bool(self._plan.compute(self._own, 1)["count"][0] >= 0)
 
-    def compute(self, values: np.ndarray) -> Block:
+    def compute(self, values: np.ndarray, threads: int = 1) -> Block:
         """The next designs of ``values``: as many as take a moment."""
         start = time.perf_counter()
         with core_errors():
-            r = self._plan.compute(np.ascontiguousarray(values[: self._size]))
+            r = self._plan.compute(np.ascontiguousarray(values[: self._size]), threads)
         one = (time.perf_counter() - start) / len(r["count"])
-        self._size = max(1, min(4 * self._size, int(_BLOCK / max(one, 1e-9))))
-        numbers = {name: r[name] for name in ("frequency", "damping", *_DERIVED)}
-        return Block(r["count"] >= 0, r["seconds"], r["remark"], r["count"], numbers)
+        self._size = max(threads, min(4 * self._size, int(_BLOCK / max(one, 1e-9))))
+        return Block(r["count"] >= 0, r["seconds"], r["remark"], r["count"], r["arrays"], self._outputs)
 
 
-def fast_modes(make: Callable[[], Any], names: Sequence[str], outputs: Any) -> FastModes | None:
+def fast_plan(make: Callable[[], Any], names: Sequence[str], outputs: Any) -> FastPlan | None:
     """The fast path of outputs by the designs of ``names``, or None where Python computes every design."""
-    if not isinstance(outputs, Modes):
+    if not isinstance(outputs, Analysis):
         return None
     try:
         return _planned(make(), names, outputs)
@@ -97,8 +115,8 @@ def fast_modes(make: Callable[[], Any], names: Sequence[str], outputs: Any) -> F
         return None
 
 
-def _planned(model: Any, names: Sequence[str], outputs: Modes) -> FastModes:
-    if not isinstance(model, Model) or _calls_python(model) or is_large(model, outputs.n):
+def _planned(model: Any, names: Sequence[str], outputs: Analysis) -> FastPlan:
+    if not isinstance(model, Model) or _calls_python(model):
         raise _PythonDecides
     columns = [_column(model, target(model, name)) for name in names]
     if len({entry for one in columns for entry in _entries(one)}) < sum(len(_entries(one)) for one in columns):
@@ -118,23 +136,63 @@ def _planned(model: Any, names: Sequence[str], outputs: Modes) -> FastModes:
     lengths = [place for name, (_, place) in zip(names, columns, strict=True) if target(model, name).name == "length"]
     rules += [("not negative", place[0], 0) for place in lengths]
     with core_errors():
-        system = compiled(model)
         plan = _core.DesignPlan(
-            system,
+            compiled(model),
             model.space.values,
             columns,
             program.program.nodes,
             driven,
             rules,
             by,
-            outputs.n,
             outputs.at == "equilibrium",
-            _elastic(model, [*columns, (None, [slot for slot, _ in driven])]),
         )
-    shape = None
-    if addresses:
-        shape = addresses[0].shape if len(addresses) == 1 and addresses[0].shape else (len(by),)
-    return FastModes(plan, shape)
+        made, values = _analysis(model, outputs, plan, [*columns, (None, [slot for slot, _ in driven])])
+    shape: tuple[int, ...] = (len(by),)
+    if len(addresses) == 1 and addresses[0].shape:
+        shape = addresses[0].shape
+    derived = (Output(f"{one.name}_derivative", (*_moved(one), *shape), one.is_complex) for one in values)
+    own = np.array([[float(model.value(name)) for name in names]])
+    return FastPlan(made, (*values, *derived) if addresses else values, own)
+
+
+def _moved(one: Output) -> tuple[int, ...]:
+    """Shape of the change of an output: of a rotation a rotation vector."""
+    return one.shape[:-1] if one.name == "rotation" else one.shape
+
+
+def _analysis(model: Model, outputs: Analysis, plan: Any, changed: Sequence[Place]) -> tuple[Any, tuple[Output, ...]]:
+    """The plan of an analysis, and its arrays."""
+    if isinstance(outputs, Modes) and not is_large(model, outputs.n):
+        values = (Output("frequency", (-1,)), Output("damping", (-1,)))
+        return plan.modes(outputs.n, _elastic(model, changed)), values
+    if model.airs or any(hasattr(body, "modal") for body in model.bodies):
+        raise _PythonDecides  # nodes of flexible bodies, and air beyond its tables
+    if isinstance(outputs, Equilibrium):
+        n = len(model.bodies)
+        return plan.rest(), (Output("position", (n, 3)), Output("rotation", (n, 3, 3)))
+    if not isinstance(outputs, Frf) or outputs.kind not in ORDER_OUT:
+        raise _PythonDecides
+    ports = [[as_port(model, port) for port in ports] for ports in (outputs.inputs, outputs.outputs)]
+    if any(port.kind == "motion" or (port.kind == "base" and port.is_rotation) for port in ports[0]):
+        raise _PythonDecides
+    if any(port.kind != "motion" for port in ports[1]):
+        raise _PythonDecides
+    if outputs.kind == "transmissibility" and any(port.kind != "base" for port in ports[0]):
+        raise _PythonDecides
+    omega = [2 * np.pi * f for f in outputs.frequency]
+    made = plan.transfer(*([_port(model, port) for port in own] for own in ports), omega, ORDER_OUT[outputs.kind])
+    return made, (Output("H", (len(ports[1]), len(ports[0]), len(omega)), True),)
+
+
+def _port(model: Model, port: Port) -> tuple[int | None, tuple[str, list[float], int], list[float], bool, bool]:
+    body = None if port.body == GROUND else model.body_index[port.body]
+    at: tuple[str, list[float], int] = ("origin", [], 0)
+    if port.point is not None:
+        at = ("world", list(port.point), 0)
+    elif port.marker is not None:
+        marker = model.markers[model.marker_index[port.marker]]
+        at = ("marker", [], offsets(model)[marker.store] + marker.start + MARKER.block.place("at"))
+    return body, at, list(port.direction), port.is_rotation, port.kind == "base"
 
 
 def _elastic(model: Model, changed: Sequence[Place]) -> bool | None:

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -14,6 +14,10 @@ from .._lib.checks import shown
 from ..errors import ModelError
 from ..linear.correlation import computed_frf, correlate
 from ..results import Result, derived, quantity, result
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 # Relative effect on the data, against that of the direction they see best, below which a direction is lost in rounding. Too small:
 # rounding passes for information. Too large: weak directions, which still have an interval, count as unseen. Pinned by
@@ -159,7 +163,7 @@ class Update(Result):
     def notes(self) -> list[str]:
         return [f"not seen: {text}" for text in self.unseen]
 
-    def plot(self, *, ax: Any = None) -> Any:
+    def plot(self, *, ax: Axes | None = None) -> Figure:
         """Values over those before, with their intervals; returns the figure."""
         from ..plot.measurement import update
 

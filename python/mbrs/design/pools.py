@@ -20,6 +20,7 @@ from concurrent.futures import (
     ThreadPoolExecutor,
     wait,
 )
+from dataclasses import replace
 from functools import lru_cache
 from typing import Any
 
@@ -44,10 +45,15 @@ class Pool:
 
     here = False
     workers = 1
+    # of the core, for a chunk that it computes by itself
+    threads = 1
     context: Any = None
 
-    def tick(self) -> None:
-        """Called after each design that is computed in this process; a sweep puts its progress here."""
+    def tick(self, n: int) -> None:
+        """Called after ``n`` more designs were computed in this process; a sweep puts its progress here."""
+
+    def prepare(self, scene: Scene, names: tuple[str, ...]) -> None:
+        """Know the scene before any task of it."""
 
     def scene(self, model: Any, outputs: Callable[..., Any]) -> Scene:
         """Data that the workers need: the model and the function of outputs."""
@@ -117,8 +123,14 @@ class Threads(Here):
         self._executor = ThreadPoolExecutor(executor, "mbrs-sweep") if isinstance(executor, int) else executor
         self.workers = int(getattr(self._executor, "_max_workers", 1))
 
+    def prepare(self, scene: Scene, names: tuple[str, ...]) -> None:
+        """Give all threads to one chunk at a time if the core computes whole chunks."""
+        fast = scene.fast(names) if self._own else None
+        if fast is not None and fast.decides:
+            self.workers, self.threads = 1, self.workers
+
     def submit(self, task: Task) -> Future[Chunk]:
-        return self._executor.submit(run, task, self._stop.is_set, self.tick)
+        return self._executor.submit(run, replace(task, threads=self.threads), self._stop.is_set, self.tick)
 
     def stop(self) -> None:
         self._stop.set()

@@ -145,6 +145,7 @@ class Session:
                     keep, _nothing if store is None else store.begin, _nothing if store is None else store.end
                 )
                 scene = pool.scene(self.model, self.outputs)
+                pool.prepare(scene, self.designs.names)
                 client = Client(scene, self.designs.names, self.rows, pool, keeper, self.options)
                 client.compute(rest, suspects)
         finally:
@@ -209,10 +210,10 @@ class _Shown:
         self._told = 0
         pool.tick = self.tick  # type: ignore[method-assign]
 
-    def tick(self) -> None:
+    def tick(self, n: int) -> None:
         with self._lock:
-            self._told += 1
-            self._progress.advance(1, self._note())
+            self._told += n
+            self._progress.advance(n, self._note())
 
     def keep(self, chunk: Chunk) -> None:
         with self._lock:

@@ -41,12 +41,14 @@ from .objectives import Evaluation, Integral, NewReading, Objective, Reader, eva
 
 if TYPE_CHECKING:
     from ..model.model import Model
-    from ..system.state import StateLike
+    from ..system.state import State, StateLike
 
+# order of the error of a gradient, or a little less: its estimate divides by a power of two of it
+_ORDERS = {"explicit": 7, "ali3p": 2, "generalized-alpha": 2}
 # gradients of two step sizes that differ by more than this (relative) have not begun to converge
 _UNRELATED = 0.3
 METHODS = ("direct", "adjoint", "auto")
-SCHEMES = ("ali3p", "generalized-alpha")
+SCHEMES = ("explicit", "ali3p", "generalized-alpha")
 _READINGS = 20
 
 
@@ -94,7 +96,9 @@ def gradient(
     step, rtol
         s, fixed steps (equal, at most so long, ending at t); or a tolerance that chooses them first. 1e-7 if neither is given.
     scheme
-        "ali3p" or "generalized-alpha", with the discrete solution that `mb.simulate` has by that method and those steps.
+        "explicit" (order 8, for scenes that are not stiff), "ali3p" or "generalized-alpha" (order 2), with the discrete solution
+        that `mb.simulate` has by that method and those steps; "explicit" in tree coordinates. "auto": "explicit" where the motion
+        is not stiff and follows its fastest vibration (with ``step``: not faster than 1/step), else "ali3p".
     method
         "direct": one tangent linear model per parameter along with the motion. "adjoint": the steps backwards, once per
         objective. "auto": by their numbers.
@@ -124,7 +128,7 @@ def gradient(
         An objective that returns no finite number, a scheme without sensitivities.
     NotDifferentiableError
         An objective that is not analytic; a parameter that breaks a redundant loop, or that moves the start through a first
-        guess ``pose=``; a drive whose rate jumps on the way (an impact).
+        guess ``pose=``; a drive whose rate jumps on the way (an impact); air whose inflow advances by steps of its own.
 
     Warns
     -----
@@ -135,10 +139,13 @@ def gradient(
 
     Notes
     -----
-    Equations: docs/theory.md (20.1) to (20.8).
+    Equations: docs/theory.md (20.1) to (20.9).
     Direct: O(n_p) tangent steps; adjoint: O(1) in n_p. Sources: ALI3-P after Dopico and co-workers; generalised-alpha after
     O. Bruels, A. Cardona and M. Arnold, Mech. Mach. Theory 48 (2012) 121-137. Its Newton iterations are taken as converged, by
-    which the derivative differs from that of every iterate by less than 1e-9 h^2 |a| of a step.
+    which the derivative differs from that of every iterate by less than 1e-9 h^2 |a| of a step. The explicit scheme is that of
+    order 8 by Dormand and Prince (E. Hairer, S. P. Norsett, G. Wanner, Solving Ordinary Differential Equations I, 2nd edition,
+    Springer 1993); with closed loops the derivative of the projection at the end of a step leaves out terms of the size of the
+    projection itself.
 
     Examples
     --------
@@ -151,10 +158,10 @@ def gradient(
     True
     """
     begin = time.perf_counter()
-    if scheme not in SCHEMES:
+    if scheme not in (*SCHEMES, "auto"):
         raise ModelError(
             f"scheme={scheme!r} has no sensitivities; those that have are "
-            f"{' and '.join(f'scheme={name!r}' for name in SCHEMES)} (mb.simulate runs them as method=)"
+            f"{', '.join(f'scheme={name!r}' for name in SCHEMES)} (mb.simulate runs them as method=)"
         )
     if method not in METHODS:
         raise ModelError(f"method= is one of {', '.join(map(repr, METHODS))}, got {shown(method)}")
@@ -188,7 +195,7 @@ def gradient(
             time.perf_counter() - begin,
             found.counts,
             tuple(e.name for e in effects(m) if e.on and e.name not in run.without),
-            f"{scheme}, {chosen}, {len(run.times) - 1} steps",
+            f"{run.scheme}, {chosen}, {len(run.times) - 1} steps",
         ),
     )
     return _with_growth(made, found.read)
@@ -207,7 +214,7 @@ def _with_growth(made: MotionGradient, read: np.ndarray) -> MotionGradient:
 
 
 def _estimated(made: MotionGradient, run: Run, objectives: Sequence[Objective], along: Directions) -> float | None:
-    """The difference to steps twice as long, of a scheme of order two; of order one where it passes kinks."""
+    """The difference to steps twice as long, by the order of the scheme; of order one where it passes kinks."""
     m = run.model
     if len(run.times) < 3 or run.snapshot.versions != (m.structure_version, m.values_version):
         return None
@@ -220,7 +227,7 @@ def _estimated(made: MotionGradient, run: Run, objectives: Sequence[Objective], 
     miss = np.abs(coarse - fine).max(axis=1)
     found = float(np.max(miss[size > 0.0] / size[size > 0.0], initial=0.0))
     # too far apart for an order to show: the difference itself is what is known
-    return found if made.kinks or found > _UNRELATED else found / 3.0
+    return found if made.kinks or found > _UNRELATED else found / (2.0 ** _ORDERS[run.scheme] - 1.0)
 
 
 def _variant(scheme: str, weight: str | None, rho: float | None) -> dict[str, Any]:
@@ -280,6 +287,8 @@ def prepare(
     through = [min(max(x, state.t), end) for o in objectives for x in o.times]
     if step is not None and rtol is not None:
         raise ModelError("give rtol= (steps chosen first) or step= (fixed steps), not both")
+    if kind["scheme"] == "auto":
+        kind["scheme"] = _scheme(snapshot, state, without, end, step)
     if end == state.t:
         times = np.array([end])
     elif step is not None:
@@ -292,7 +301,17 @@ def prepare(
         marks = np.array(sorted({*(x for x in through if x > state.t), end}))
         traj = simulate(m, marks, rtol=1e-7 if rtol is None else rtol, at=state, without=without, **_as_method(kind))
         times = _with_marks(traj.steps, marks)
-    return Run(m, snapshot, state, without, times, **kind)
+    return Run(m, snapshot, state, without, times, inner=any(isinstance(o, Integral) for o in objectives), **kind)
+
+
+def _scheme(snapshot: Snapshot, state: State, without: tuple[str, ...], end: float, step: float | None) -> str:
+    """The scheme that is accurate at the least cost."""
+    fixed = None if step is None else finite("step", step, np.finfo(float).tiny)
+    with core_errors():
+        explicit = _core.motion_is_explicit(
+            snapshot.system, state.q, state.rate, state.memory.tolist(), list(without), (state.t, end), fixed
+        )
+    return "explicit" if explicit else "ali3p"
 
 
 def _with_marks(steps: np.ndarray, marks: np.ndarray) -> np.ndarray:
@@ -304,9 +323,12 @@ def _with_marks(steps: np.ndarray, marks: np.ndarray) -> np.ndarray:
 
 
 def _as_method(kind: dict[str, Any]) -> dict[str, Any]:
-    if kind["scheme"] == "ali3p":
-        return {"method": "ali3p"}
-    return {"method": kind["scheme"], "rho": kind["rho"]}
+    scheme = kind["scheme"]
+    return {"method": scheme} | {
+        "explicit": {"coordinates": "tree"},
+        "ali3p": {},
+        "generalized-alpha": {"rho": kind["rho"]},
+    }[scheme]
 
 
 def _reader(run: Run) -> Reader:
@@ -315,7 +337,7 @@ def _reader(run: Run) -> Reader:
 
 def _read(run: Run, objectives: Sequence[Objective], reader: Reader) -> None:
     """Quantities that the objectives read at the start: values are fetched one by one until they are content."""
-    short = replace(run, times=run.times[:1])
+    short = replace(run, times=run.times[:1], inner=False)
     for _ in range(10 * _READINGS):
         row = short.direct(list(reader.places), None)["values"][0] if reader.places else np.zeros(0)
         try:
@@ -344,11 +366,13 @@ def _try(objective: Objective, reader: Reader, times: np.ndarray, row: np.ndarra
 def _direct(run: Run, objectives: Sequence[Objective], along: Directions) -> Found:
     reader = _reader(run)
     _read(run, objectives, reader)
-    run = replace(run, read=np.any([o.weights(run.times) != 0.0 for o in objectives], axis=0).tolist())
+    nodes = run.nodes
+    needed = np.any([o.weights(nodes) != 0.0 for o in objectives], axis=0)
+    run = replace(run, read=needed[: nodes.n_ends].tolist())
     for _ in range(_READINGS):
         made = run.direct(list(reader.places), along)
         try:
-            found = [evaluate(o, reader, made["t"], made["values"]) for o in objectives]
+            found = [evaluate(o, reader, nodes, made["values"]) for o in objectives]
             break
         except NewReading as new:
             reader.add(new.asked)
@@ -403,7 +427,7 @@ def _adjoint(run: Run, objectives: Sequence[Objective], along: Directions) -> Fo
                 run.options(list(reader.places), along),
             )
         try:
-            found = [evaluate(o, reader, run.times, forward.values()) for o in objectives]
+            found = [evaluate(o, reader, run.nodes, forward.values()) for o in objectives]
             break
         except NewReading as new:
             reader.add(new.asked)

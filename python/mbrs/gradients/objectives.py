@@ -12,6 +12,7 @@ import numpy as np
 from .._lib.checks import shown
 from ..errors import ModelError, NotDifferentiableError
 from ..motion.quantities import Asked, Instant, Names
+from ..motion.tangent import Nodes
 
 _COMPLEX_STEP = 1e-40
 # Complex steps that differ from differences by more than this (relative) differentiate something else.
@@ -28,7 +29,10 @@ def _called(function: Any, what: str) -> Callable[[Instant], Any]:
 
 @dataclass(frozen=True)
 class Integral:
-    """The integral of function(s) over the motion, by the trapezoidal rule on its steps: the quadrature of the scheme, order 2.
+    """The integral of function(s) over the motion, by the quadrature of the scheme: as accurate as the motion.
+
+    The function is a further state of the motion. The weights of the scheme integrate it: the trapezoidal rule on the steps of
+    "ali3p" and "generalized-alpha" (order 2), the stages of "explicit" (order 8), at which the function is called too.
 
     Parameters
     ----------
@@ -52,13 +56,9 @@ class Integral:
         """Times that must end a step."""
         return ()
 
-    def weights(self, t: np.ndarray) -> np.ndarray:
-        """(n_t,) what each instant counts."""
-        w = np.zeros(len(t))
-        dt = np.diff(t)
-        w[:-1] += 0.5 * dt
-        w[1:] += 0.5 * dt
-        return w
+    def weights(self, nodes: Nodes) -> np.ndarray:
+        """(n_r,) what each instant counts."""
+        return nodes.quadrature
 
 
 @dataclass(frozen=True)
@@ -75,10 +75,10 @@ class Final:
         """Times that must end a step."""
         return ()
 
-    def weights(self, t: np.ndarray) -> np.ndarray:
-        """(n_t,) what each instant counts."""
-        w = np.zeros(len(t))
-        w[-1] = 1.0
+    def weights(self, nodes: Nodes) -> np.ndarray:
+        """(n_r,) what each instant counts."""
+        w = np.zeros(len(nodes.t))
+        w[nodes.n_ends - 1] = 1.0
         return w
 
 
@@ -117,10 +117,10 @@ class AtTimes:
         """Times that must end a step."""
         return tuple(float(t) for t in self.at)
 
-    def weights(self, t: np.ndarray) -> np.ndarray:
-        """(n_t,) what each instant counts."""
-        w = np.zeros(len(t))
-        w[np.argmin(np.abs(t[:, None] - np.array(self.times)), axis=0)] = 1.0
+    def weights(self, nodes: Nodes) -> np.ndarray:
+        """(n_r,) what each instant counts."""
+        w = np.zeros(len(nodes.t))
+        w[np.argmin(np.abs(nodes.ends[:, None] - np.array(self.times)), axis=0)] = 1.0
         return w
 
 
@@ -191,17 +191,18 @@ def number(objective: Objective, s: Instant, real: bool = True) -> complex:
 
 @dataclass
 class Evaluation:
-    """Value of an objective, its derivative by what was read (n_t, width) and by addresses {address: array}."""
+    """Value of an objective, its derivative by what was read (n_r, width) and by addresses {address: array}."""
 
     value: float
     seeds: np.ndarray
     explicit: dict[str, np.ndarray]
 
 
-def evaluate(objective: Objective, reader: Reader, t: np.ndarray, rows: np.ndarray) -> Evaluation:
+def evaluate(objective: Objective, reader: Reader, nodes: Nodes, rows: np.ndarray) -> Evaluation:
     """Run an objective over a motion and differentiate it by complex steps."""
-    weights = objective.weights(t)
-    used = np.flatnonzero(weights) if not isinstance(objective, Integral) else np.arange(len(t))
+    weights, t = objective.weights(nodes), nodes.t
+    used = np.flatnonzero(weights) if np.any(weights) else np.arange(len(t))
+    used = used[np.argsort(t[used], kind="stable")]
     seeds = np.zeros_like(rows)
     explicit: dict[str, np.ndarray] = {}
     values, slopes = np.zeros(len(used)), np.zeros((len(used), rows.shape[1]))

@@ -59,10 +59,20 @@ class MbrsModel(Fmi2Slave):
 
     def _observe(self, traj, last=False):
         row = -1 if last else 0
-        self.values = np.zeros(len(self.ports))
-        for i, port in enumerate(self.ports):
-            place = traj.point(port["point"], of=port["body"])[row] - port["drawn"]
-            self.values[i] = np.dot(port["direction"], place)
+        self.values = np.array([self._value(traj, port, row) for port in self.ports], dtype=float)
+
+    def _value(self, traj, port, row):
+        """One output at a moment of the motion."""
+        if port["kind"] == "motion":
+            return np.dot(port["direction"], traj.point(port["point"], of=port["owner"])[row] - port["drawn"])
+        found = {
+            "velocity": traj.velocity,
+            "angular_velocity": traj.angular_velocity,
+            "coordinate": traj.joint,
+            "rate": traj.joint_rate,
+            "reaction": traj.reaction,
+        }[port["kind"]](port["owner"])
+        return np.reshape(found[row], -1)[port["entry"]]
 
     def setup_experiment(self, start_time, stop_time=None, tolerance=None):
         """Set the time at which the motion begins."""

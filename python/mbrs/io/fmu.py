@@ -30,16 +30,24 @@ from ..model.model import Model
 from ..model.ports import Port, as_port
 
 if TYPE_CHECKING:
+    from ..linear.aliases import Ports
     from ..results import Result
 
 _PLAIN = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*", re.ASCII)
+_STATE = re.compile(r"(.+)\.(velocity|angular_velocity|coordinate|rate|reaction)(?:\.([xyz])|\[(\d{1,3})\])?")
 _OPTIONS = ("rtol", "step", "method", "without", "rho", "max_step")
 
 
 def fmu(
-    m: Model, path: str | Path, inputs: Any, outputs: Any, *, parameters: Sequence[str] | None = None, **options: Any
+    m: Model,
+    path: str | Path,
+    inputs: Ports,
+    outputs: Ports,
+    *,
+    parameters: Sequence[str] | None = None,
+    **options: Any,
 ) -> Path:
-    """Write a model as an FMU for co-simulation: its whole motion, with forces and torques as inputs and displacements as outputs.
+    """Write a model as an FMU for co-simulation: its whole motion, with forces and torques as inputs, motions and reactions as outputs.
 
     At each communication step the inputs are held and `mb.simulate` goes on from the last state. A linearised model is an FMU by
     ``mb.state_space(m, inputs, outputs).save("model.fmu")``, which steps exactly.
@@ -53,7 +61,9 @@ def fmu(
     inputs
         Forces and torques of bodies and markers (ports or their names), world axes, N or N m; the names of the variables.
     outputs
-        Displacements of bodies and markers from the drawn configuration, m.
+        Displacements of bodies and markers from the drawn configuration, m (ports such as ``body.motion("z")``), and by their names:
+        "body.velocity.x" (of its origin, m/s) and "body.angular_velocity.x" (rad/s), world axes; "joint.coordinate" and "joint.rate",
+        "joint.coordinate[1]" where a joint has several (rad and m); "joint.reaction[2]" of the wrench on its second body.
     parameters
         Names of model parameters (single numbers) that are tunable; all by default.
     **options
@@ -103,7 +113,7 @@ def fmu(
         "description": f"motion of {m.name}, written by mbrs",
         "inputs": dict.fromkeys(driven, 0.0),
         "input_parameters": driven,
-        "outputs": [_observed(m, as_port(m, p)) for p in as_list(outputs)],
+        "outputs": [_observed(m, p) for p in as_list(outputs)],
         "parameters": given,
         "options": options,
     }
@@ -136,13 +146,39 @@ def _drive(copy: Model, i: int, port: Port) -> str:
     return label
 
 
-def _observed(m: Model, port: Port) -> dict[str, Any]:
+def _observed(m: Model, given: Any) -> dict[str, Any]:
+    found = _STATE.fullmatch(given) if isinstance(given, str) else None
+    if found is not None:
+        return _state(m, given, *found.groups())
+    port = as_port(m, given)
     if port.kind != "motion" or port.is_rotation:
         raise ModelError(
-            f"the output {port.name!r} is not a displacement; outputs of an FMU are such as body.motion('z')"
+            f"the output {port.name!r} is not a displacement; outputs of an FMU are such as body.motion('z'), 'body.velocity.z', "
+            "'body.angular_velocity.z', 'joint.coordinate', 'joint.rate' and 'joint.reaction[2]'"
         )
     at = _drawn(m, port)
-    return {"name": variable(port.name), "body": port.body, "point": at, "drawn": at, "direction": port.direction}
+    name = variable(port.name)
+    return {
+        "name": name, "kind": "motion", "owner": port.body, "point": at, "drawn": at, "direction": port.direction
+    }  # fmt: skip
+
+
+def _state(m: Model, name: str, owner: str, kind: str, axis: str | None, entry: str | None) -> dict[str, Any]:
+    """An output that belongs to a body or a joint."""
+    item = m[owner]
+    size = 3
+    if kind in ("velocity", "angular_velocity"):
+        good = item.kind == "body" and axis is not None
+    else:
+        good = item.kind == "joint" and axis is None
+        size = 6 if kind == "reaction" else len(item.table.free) if good else 0
+    place = "xyz".index(axis) if axis else int(entry or 0)
+    if not good or place >= size or (entry is None and axis is None and size > 1):
+        raise ModelError(
+            f"the output {shown(name)} does not fit {item!r}; outputs are such as 'body.velocity.z', 'joint.coordinate' where there is one "
+            "coordinate, 'joint.coordinate[1]' and 'joint.reaction[5]'"
+        )
+    return {"name": variable(name), "kind": kind, "owner": owner, "entry": place}
 
 
 def _drawn(m: Model, port: Port) -> tuple[float, ...]:

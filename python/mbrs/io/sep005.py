@@ -30,7 +30,7 @@ _LETTERS = {
 _EVEN = 1e-9
 
 
-def to_sep005(result: Any) -> list[dict[str, Any]]:
+def to_sep005(result: ResponseResult | Measurement) -> list[dict[str, Any]]:
     """Time histories of a response or a measurement as dictionaries of SEP-005.
 
     Parameters

@@ -29,8 +29,10 @@ from .steady import SteadyMotion, steady_motion
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from numpy.typing import ArrayLike
 
     from .._lib.text import Block
+    from ..model.aliases import ItemLike
     from ..model.model import Model
     from .critical_speeds import Crossing
 
@@ -148,9 +150,9 @@ _ARROW = {1: "+", -1: "-", 0: ""}
 
 def campbell(
     m: Model,
-    joint: Any = None,
+    joint: ItemLike | None = None,
     *,
-    speed: Any,
+    speed: ArrayLike | Mapping[Any, ArrayLike],
     n: int | None = None,
     orders: Sequence[float] = (1.0,),
     without: Sequence[str] = (),

@@ -22,7 +22,15 @@ from .modes import modes as modes_of
 from .pairing import Pairing, pair
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+    from numpy.typing import ArrayLike
+
     from ..model.model import Model
+    from ..system.state import StateLike
+    from .aliases import Shapes
 
 # Modes that are less alike than this are not pairs. Too small: strangers are paired; too large: modes of a model that still has to be
 # updated have no partner.
@@ -37,7 +45,7 @@ _SAME_FACTOR = 0.15
 _AXES = ("x", "y", "z", "rx", "ry", "rz")
 
 
-def frac(a: Any, b: Any) -> np.ndarray:
+def frac(a: FrfResult | ArrayLike, b: FrfResult | ArrayLike) -> np.ndarray:
     """FRAC = |sum a* b|^2 / (sum |a|^2 sum |b|^2) over the frequencies: 1 for proportional functions, 0 for orthogonal ones.
 
     Parameters
@@ -74,7 +82,7 @@ def frac(a: Any, b: Any) -> np.ndarray:
     return found
 
 
-def comac(a: Any, b: Any) -> np.ndarray:
+def comac(a: Shapes, b: Shapes) -> np.ndarray:
     """CoMAC_i = (sum_k |a_ik b_ik|)^2 / (sum_k |a_ik|^2 sum_k |b_ik|^2): which coordinates make pairs of shapes differ.
 
     Parameters
@@ -108,7 +116,7 @@ def comac(a: Any, b: Any) -> np.ndarray:
     return found
 
 
-def serep(measured: Any, basis: Any, full: Any) -> np.ndarray:
+def serep(measured: Shapes, basis: Shapes, full: Shapes) -> np.ndarray:
     """Expand measured shapes by those of a model (SEREP): full basis^+ measured.
 
     Parameters
@@ -255,13 +263,13 @@ class Correlation(Result):
         basis = _rows(self.pairing, self.modes.system, self.coordinate) @ self.modes.shape[:, chosen]
         return serep(self.shape, basis, full).reshape(len(names), 6, -1).transpose(1, 0, 2)
 
-    def plot(self, *, ax: Any = None) -> Any:
+    def plot(self, *, ax: Axes | None = None) -> Figure:
         """MAC as a matrix of squares; returns the figure."""
         from ..plot.measurement import correlation
 
         return correlation(self, ax=ax)
 
-    def report(self, path: Any, title: str = "Test and computation") -> Any:
+    def report(self, path: str | Path, title: str = "Test and computation") -> Any:
         """Write one self-contained page, and return its path."""
         from ..view.page import Section, write_page
 
@@ -276,10 +284,10 @@ class Correlation(Result):
 
 def correlate(
     m: Model,
-    test: Any,
+    test: Measurement | FrfResult,
     *,
     pairing: Pairing | None = None,
-    at: Any = None,
+    at: StateLike = None,
     band: tuple[float, float] | None = None,
     **options: Any,
 ) -> Correlation:
@@ -343,7 +351,7 @@ def correlate(
         frequency=f,
         frequency_model=f_model,
         difference=np.divide(f_model, f, out=np.full(len(f), np.nan), where=f > 0.0) - 1.0,
-        damping=np.asarray(test.damping, dtype=float) if len(f) else np.zeros(0),
+        damping=np.asarray(test.damping, dtype=float) if isinstance(test, Measurement) and len(f) else np.zeros(0),
         damping_model=np.where(has, computed.damping[pick], np.nan),
         comac=comac(shape[:, has], there[:, partner[has]]) if np.any(has) else np.full(len(coordinates), np.nan),
         coordinate=coordinates,

@@ -20,6 +20,7 @@ from .modal_result import ModalResult, array_of
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from numpy.typing import ArrayLike
 
 _EPS = float(np.finfo(float).eps)
 
@@ -254,9 +255,9 @@ class EigenSensitivity(Result):
 
 def eigen_sensitivity(
     modal: ModalResult,
-    dM: Any = None,
-    dC: Any = None,
-    dK: Any = None,
+    dM: ArrayLike | None = None,
+    dC: ArrayLike | None = None,
+    dK: ArrayLike | None = None,
     *,
     parameters: Sequence[str] | None = None,
     units: Sequence[str] | None = None,

@@ -6,7 +6,7 @@ import time
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import field, replace
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -19,7 +19,15 @@ from .linear_system import LinearSystem, Origin, csc_arrays, dense, reduction_of
 from .relaxation import Relaxation
 from .second_order import linear_system
 
-_ORDER = {"receptance": 0, "mobility": 1, "accelerance": 2, "transmissibility": 0}
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+    from numpy.typing import ArrayLike
+
+    from ..system.state import StateLike
+    from .aliases import Linear, Ports
+
+ORDER_OUT = {"receptance": 0, "mobility": 1, "accelerance": 2, "transmissibility": 0}
 _COARSE_POINTS = 200
 
 
@@ -88,7 +96,7 @@ class FrfResult(Result):
     def notes(self) -> list[str]:
         return [f"route: {self.stats.route}, error {self.error:.1e}, {self.status}"]
 
-    def plot(self, kind: str = "bode", *, ax: Any = None, **options: Any) -> Any:
+    def plot(self, kind: str = "bode", *, ax: Axes | None = None, **options: Any) -> Figure:
         """``kind="bode"`` or ``"nyquist"``; ``ax``: axes to draw into, of a Bode plot one (magnitude) or two. Returns the
         figure; see `mbrs.plot.frf`.
         """
@@ -128,7 +136,7 @@ class FrfSensitivity(Result):
             rows.append([name, float(size[k]), float(self.frequency[k])])
         return ["parameter", "largest |dH/dp|", "at [Hz]"], rows
 
-    def plot(self, *, ax: Any = None) -> Any:
+    def plot(self, *, ax: Axes | None = None) -> Figure:
         """|dH/dp| over the frequency, a line for each parameter and pair of ports; returns the figure."""
         from ..plot.derivatives import frf_sensitivity
 
@@ -136,15 +144,15 @@ class FrfSensitivity(Result):
 
 
 def frf(
-    m: Any,
-    inputs: Any,
-    outputs: Any,
+    m: Linear,
+    inputs: Ports,
+    outputs: Ports,
     *,
-    frequency: Any = None,
-    omega: Any = None,
+    frequency: ArrayLike | None = None,
+    omega: ArrayLike | None = None,
     kind: str = "receptance",
     modes: int | None = None,
-    at: Any = None,
+    at: StateLike = None,
     without: Sequence[str] = (),
 ) -> FrfResult:
     """Transfer functions H(omega) = (i omega)^q (L Z^-1 F (i omega)^p + D0), Z = S - omega^2 M + i omega D.
@@ -202,8 +210,8 @@ def frf(
     True
     """
     start = time.perf_counter()
-    if kind not in _ORDER:
-        raise ModelError(f"kind={kind!r} is not known; it is one of {', '.join(_ORDER)}")
+    if kind not in ORDER_OUT:
+        raise ModelError(f"kind={kind!r} is not known; it is one of {', '.join(ORDER_OUT)}")
     points, limits = _grid(frequency, omega)
     linear = linear_system(m, inputs, outputs, at, without, relaxing=True)
     if kind == "transmissibility" and np.any(linear.order_in[: len(linear.inputs)] != 2):
@@ -212,11 +220,11 @@ def frf(
         raise ModelError(f"modes={modes!r} must be a number of modes, at least 1")
     solver: _Dense | _Sparse | _Relaxing
     if linear.relaxation is not None:
-        solver = _Relaxing(linear, linear.relaxation, _ORDER[kind], modes)
+        solver = _Relaxing(linear, linear.relaxation, ORDER_OUT[kind], modes)
     elif linear.is_large:
-        solver = _Sparse(linear, _ORDER[kind], points, limits)
+        solver = _Sparse(linear, ORDER_OUT[kind], points, limits)
     else:
-        solver = _Dense(linear, _ORDER[kind], modes)
+        solver = _Dense(linear, ORDER_OUT[kind], modes)
     if linear.is_large and modes is not None:
         raise ModelError("modes= is for dense systems; a large sparse one is solved directly at each frequency")
     poles = solver.poles
@@ -295,7 +303,7 @@ def frf_sensitivity(
             linear.F,
             linear.order_in,
             linear.D0,
-            _ORDER[kind],
+            ORDER_OUT[kind],
             omega,
             len(parameters),
             *(None if a is None else np.asarray(a, dtype=float) for a in (dM, dD, dS, dF, dL, dD0)),
@@ -453,44 +461,23 @@ def _sampled(limits: tuple[float, float], poles: np.ndarray | None) -> np.ndarra
 
 def _resonances(poles: np.ndarray | None, low: float, high: float) -> list[complex]:
     """Poles in the range that make a peak (damping ratio below 1/sqrt 2), repeated ones once."""
-    if poles is None:
-        return []
-    candidates = sorted(
-        (complex(p) for p in poles if low <= p.imag <= high and p.imag > abs(p.real) and p.imag > 0.0),
-        key=lambda p: (p.imag, p.real),
-    )
-    kept: list[complex] = []
-    for p in candidates:
-        if not kept or abs(p - kept[-1]) > 1e-9 * abs(p):
-            kept.append(p)
-    return kept
+    return [] if poles is None else _core.resonances(_roots(poles), low, high).tolist()
+
+
+def _roots(poles: np.ndarray) -> np.ndarray:
+    return np.ascontiguousarray(poles, dtype=complex)
 
 
 def _warn_missed(
     solver: _Dense | _Sparse | _Relaxing, points: np.ndarray, poles: np.ndarray | None, value: np.ndarray
 ) -> None:
     """A resonance is missed when its half-power band lies between two neighbouring points and its peak shows in H."""
-    grid = np.unique(np.abs(points))
-    if grid.size < 2 or poles is None:
-        return
-    suspects = []
-    for pole in _resonances(poles, float(grid[0]), float(grid[-1])):
-        half_width = abs(pole.real)
-        k = int(np.searchsorted(grid, pole.imag))
-        inside = [grid[i] for i in (k - 1, k) if 0 <= i < grid.size and abs(grid[i] - pole.imag) <= half_width]
-        if not inside:
-            suspects.append(pole.imag)
+    suspects = [] if poles is None else _core.unseen_resonances(_roots(poles), points)
     if not suspects:
         return
     peaks = solver.evaluate(np.array(suspects, dtype=float), checked=False)["value"]
-    place = np.argsort(np.abs(points), kind="stable")
-    missed = []
-    for s, w in enumerate(suspects):
-        k = int(np.searchsorted(np.abs(points)[place], w))
-        sides = [place[i] for i in (k - 1, k) if 0 <= i < place.size]
-        around = np.max(np.abs(value[:, :, sides]), axis=2)
-        if np.any(~(np.abs(peaks[:, :, s]) <= 1.05 * around)):
-            missed.append(w / (2 * np.pi))
+    found = _core.missed_resonances(points, _roots(value).ravel(), suspects, _roots(peaks).ravel())
+    missed = [w / (2 * np.pi) for w in found]
     if missed:
         shown = ", ".join(f"{f:.6g}" for f in missed[:8]) + (", ..." if len(missed) > 8 else "")
         warnings.warn(

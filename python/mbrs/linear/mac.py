@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..errors import ModelError
 
+if TYPE_CHECKING:
+    from .aliases import Matrix, Shapes
 
-def mac(a: Any, b: Any, *, weight: Any = None) -> np.ndarray:
+
+def mac(a: Shapes, b: Shapes, *, weight: Matrix | None = None) -> np.ndarray:
     """MAC_ij = |a_i^H W b_j|^2 / ((a_i^H W a_i) (b_j^H W b_j)): 1 for the same shape, 0 for orthogonal ones.
 
     Parameters

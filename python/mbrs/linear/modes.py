@@ -7,7 +7,7 @@ import re
 import time
 from collections.abc import Iterable
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -25,6 +25,10 @@ from .relaxation import relaxation_of, relaxing_modes
 from .sparse_modes import is_large, model_modes, sparse_modes
 from .stiffness_factor import stiffness_factor
 
+if TYPE_CHECKING:
+    from ..system.state import StateLike
+    from .aliases import Linear, Matrix
+
 # Largest damped system whose crowded roots, which no real shift parts, are taken from the dense route. Larger: minutes of work after a
 # failure. Smaller: failures that need not be.
 _DENSE_INSTEAD = 1500
@@ -32,12 +36,12 @@ _MATRIX_EFFECTS = {"damping": "C", "gyroscopic": "G", "circulatory": "N"}
 
 
 def modes(
-    m: Any,
+    m: Linear,
     *,
-    at: Any = None,
+    at: StateLike = None,
     n: int | None = None,
     without: Iterable[str] = (),
-    stiffness_factor: Any = None,
+    stiffness_factor: Matrix | None = None,
     shift: float | None = None,
 ) -> ModalResult:
     """Modes: all solutions of (s^2 M + s (C + G) + K + N) phi = 0.

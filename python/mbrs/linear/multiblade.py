@@ -12,13 +12,18 @@ from ..errors import ModelError
 from ..results import Result, quantity, result
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from numpy.typing import ArrayLike
+
+    from .modal_result import ModalResult
 
 __all__ = ["RotorModes", "multiblade", "rotor_modes"]
 
 
-def multiblade(values: Any, azimuth: Any, inverse: bool = False) -> np.ndarray:
+def multiblade(values: ArrayLike, azimuth: ArrayLike, inverse: bool = False) -> np.ndarray:
     """Coleman's transformation: from one coordinate of every blade to collective, cosine and sine ones, or back.
 
         a_0 = sum_i q_i / N,   a_n = 2/N sum_i q_i cos(n psi_i),   b_n = 2/N sum_i q_i sin(n psi_i),
@@ -123,7 +128,7 @@ class RotorModes(Result):
         return draw(self, ax=ax)
 
 
-def rotor_modes(modes: Any, blades: Any, speed: float) -> RotorModes:
+def rotor_modes(modes: ModalResult, blades: Sequence[str], speed: float) -> RotorModes:
     """Symmetric and antisymmetric modes of a rotor of equal blades, from modes in the frame that turns with it.
 
         c_p = sum_i phi_i exp(-2 pi i p i / N) / N;   p = 0 collective, c_-1 forward, c_1 backward

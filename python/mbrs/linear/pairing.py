@@ -17,6 +17,11 @@ from .frf import FrfResult
 from .measurement import Measurement
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+    from numpy.typing import ArrayLike
+
+    from ..model.aliases import BodyLike
     from ..model.model import Model
 
 # Measured points this near to a marker or an origin, over the largest distance between those of the model, are that point. Too small:
@@ -70,7 +75,7 @@ class Pairing(Result):
     def notes(self) -> list[str]:
         return [f"without a point of the model: {', '.join(self.unpaired)}"] if self.unpaired else []
 
-    def plot(self, *, ax: Any = None) -> Any:
+    def plot(self, *, ax: Axes | None = None) -> Figure:
         """Distances between nodes and their points, as bars; returns the figure."""
         from ..plot.measurement import pairing
 
@@ -116,10 +121,10 @@ class Pairing(Result):
 
 def pair(
     m: Model,
-    test: Any,
+    test: Measurement | FrfResult,
     *,
-    points: Mapping[Any, Any] | None = None,
-    frame: tuple[Any, Any] | None = None,
+    points: Mapping[int | str, BodyLike] | None = None,
+    frame: tuple[ArrayLike, ArrayLike] | None = None,
     tolerance: float | None = None,
 ) -> Pairing:
     """Pair the nodes of a measurement with points of a model.

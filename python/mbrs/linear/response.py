@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -18,6 +18,14 @@ from .linear_system import LinearSystem, Origin, dense, directions, relaxes
 from .matrices import MechanicalSystem
 from .relaxation import Relaxation
 from .second_order import linear_system
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+    from numpy.typing import ArrayLike
+
+    from ..system.state import StateLike
+    from .aliases import Linear, Loads, Ports
 
 _KINDS = ("displacement", "velocity", "acceleration")
 
@@ -94,7 +102,7 @@ class ResponseResult(Result):
     def notes(self) -> list[str]:
         return [f"route: {self.stats.route}, {self.status}"]
 
-    def plot(self, *, ax: Any = None, **options: Any) -> Any:
+    def plot(self, *, ax: Axes | None = None, **options: Any) -> Figure:
         """The outputs over time; returns the figure."""
         from ..plot import response as draw
 
@@ -123,7 +131,7 @@ class ResponseSensitivity(Result):
         sizes = np.abs(self.value).max(axis=(0, 1)).tolist()
         return ["parameter", "largest |dy/dp|"], [list(row) for row in zip(self.labels, sizes, strict=True)]
 
-    def plot(self, *, ax: Any = None) -> Any:
+    def plot(self, *, ax: Axes | None = None) -> Figure:
         """dy/dp over time, a line for each parameter and output; returns the figure."""
         from ..plot.derivatives import response_sensitivity
 
@@ -131,16 +139,16 @@ class ResponseSensitivity(Result):
 
 
 def response(
-    m: Any,
-    t: Any,
-    loads: Any,
-    outputs: Any,
+    m: Linear,
+    t: ArrayLike,
+    loads: Loads,
+    outputs: Ports,
     *,
     kind: str = "displacement",
-    at: Any = None,
+    at: StateLike = None,
     without: Sequence[str] = (),
-    x0: Any = None,
-    v0: Any = None,
+    x0: ArrayLike | None = None,
+    v0: ArrayLike | None = None,
 ) -> ResponseResult:
     """Solve M y" + D y' + S y = F u(t); exact where the loads are linear between the times.
 

@@ -73,8 +73,8 @@ class LinearizationSensitivity(Result):
     Attributes
     ----------
     M, C, G, K, N
-        (dof, dof, n_p), None where the matrix itself is absent. G and N also exist where a parameter makes them: a single
-        entry of a full bushing, a given velocity.
+        (dof, dof, n_p), None where the matrix itself is absent. C, G and N also exist where a parameter makes them: a damper
+        of size zero, a single entry of a full bushing, a given velocity.
     T
         (6 n_bodies, dof, n_p), of `mb.sensitivity` of a linearisation.
     position, rotation
@@ -127,8 +127,9 @@ class LinearizationSensitivity(Result):
     @cached_property
     @derived(dims=("coordinate", "coordinate_", "parameter"), name="dC")
     def C(self) -> np.ndarray | None:
-        """dC/dp, the symmetric part of the derivative of the damping."""
-        return None if self.linearization.C is None else split(self.damping.dense())[0]
+        """dC/dp, the symmetric part of the derivative of the damping; without damping in the model, where a parameter brings it in."""
+        symmetric = split(self.damping.dense())[0]
+        return symmetric if self.linearization.C is not None or np.any(symmetric) else None
 
     @cached_property
     @derived(dims=("coordinate", "coordinate_", "parameter"), name="dG")
@@ -475,7 +476,8 @@ def _of_modes(result: Any, parameters: str | Sequence[str], follow: bool) -> Any
     # at rest damping, and without followers stiffness, is symmetric: what is not is left by unbalanced moments
     dD, dS = d.damping.symmetric(d.has_G), d.stiffness.symmetric(d.has_N)
     shapes = [d.directions.shape] if len(d.directions.shape) > 1 else None
-    return eigen_sensitivity(result, d.mass, dD, dS, parameters=d.labels, units=d.units, shapes=shapes)
+    changes: tuple[Any, Any, Any] = (d.mass, dD, dS)
+    return eigen_sensitivity(result, *changes, parameters=d.labels, units=d.units, shapes=shapes)
 
 
 def _of_ports(result: Any, parameters: str | Sequence[str], follow: bool) -> Any:

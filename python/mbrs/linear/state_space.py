@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from .first_order import StateSpace, first_order
 from .second_order import linear_system
 
 if TYPE_CHECKING:
     from ..system.state import StateLike
+    from .aliases import Linear, Ports
 
 
 def state_space(
-    m: Any,
-    inputs: Any,
-    outputs: Any,
+    m: Linear,
+    inputs: Ports,
+    outputs: Ports,
     *,
     kind: str = "displacement",
     at: StateLike = None,

@@ -5,18 +5,19 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from copy import copy
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from ..errors import ModelError, NameNotFoundError
+from .argument_checks import inertia_numbers
 from .bodies import INERTIA_PLACE
 from .book import Book, Group, Item
 from .expressions import Expression, Program
 from .names import nearest, not_found, problem, shown
 from .numbers import numbers, shape_of
-from .packing import inertia_numbers
 from .parameters import checked, labels
 
 _ADDRESS = re.compile(r"([^.\[\]]+)(?:\.([^.\[\]]+))?(?:\[([^\[\]]*)\])?")
@@ -163,7 +164,7 @@ class Driver:
     """All expressions of a model as one program, and where their numbers go."""
 
     def __init__(self, book: Book) -> None:
-        self.version = book.structure_version
+        self.version: int = book.structure_version
         places = [(kind, i, e) for kind, store in book.stores.items() for i, e in store.driven.items()]
         self.program = Program([e for _, _, e in places])
         self.writes = []
@@ -214,6 +215,24 @@ def driver(book: Book) -> Driver:
     if cached is None or cached.version != book.structure_version:
         cached = book.cache["driver"] = Driver(book)
     return cached
+
+
+def adopt(book: Book, like: Book) -> None:
+    """Take over the compiled expressions and the known addresses of an equal book, so that a copy does not find them anew."""
+    if book.structure_version != like.structure_version:
+        return
+    known = driver(like)
+    own = copy(known)
+    own.recheck = [book.items[item.name] for item in known.recheck]
+    book.cache["driver"] = own
+    book.cache["targets"] = {
+        address: one if one.item is None else replace(one, item=_same_item(book, like, one.item))
+        for address, one in like.cache.get("targets", {}).items()
+    }
+
+
+def _same_item(book: Book, like: Book, item: Item) -> Item | None:
+    return book.gravity_item if item is like.gravity_item else book.items[item.name]
 
 
 def read(book: Book, target: Target) -> Any:

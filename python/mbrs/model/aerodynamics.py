@@ -21,6 +21,8 @@ from .schema import Kind
 from .section_loads import interpolated, line_of
 
 INFLOWS = ("none", "bem", "dynamic-inflow", "prescribed-wake", "free-wake")
+# Those whose induced velocities advance with steps of their own.
+STEPPED = INFLOWS[2:]
 COUPLINGS = ("loose", "tight")
 # What a blade is as plain data; (n,) lists but for the first five.
 BLADE = (
@@ -249,6 +251,8 @@ def _wind(name: str, wind: Any) -> list[Number]:
     else:
         raise problem(where, f"must be what mb.aero.wind gives, got {shown(wind)}")
     shear, height = given.get("shear", 0.0), given.get("reference_height")
+    if height is None and repr(shear) not in ("0", "0.0"):
+        raise problem(where, "has shear and no reference_height, the height in m at which the wind has its speed")
     return [
         scalar(given.get("speed"), where + ".speed"),
         scalar(shear, where + ".shear"),
@@ -313,7 +317,7 @@ def aerodynamics(
     Raises
     ------
     ModelError
-        Blades without a body, sections beyond it, nan.
+        Blades without a body, sections beyond it, nan, a negative wind.
 
     Notes
     -----

@@ -26,8 +26,8 @@ AIR = Kind(
         "air",
         [
             Field("density", (), "density", check="positive"),
-            Field("speed", (), "velocity", note="of the wind at the reference height"),
-            Field("shear", (), "ratio", note="exponent of the height over the reference height"),
+            Field("speed", (), "velocity", check="not negative", note="of the wind at the reference height"),
+            Field("shear", (), "ratio", check="not negative", note="exponent of the height over the reference height"),
             Field("reference_height", (), "length", check="positive", default=1.0),
             Field("direction", (3,), "direction", (1.0, 0.0, 0.0), note="where the wind blows to, world"),
             Field("up", (3,), "direction", (0.0, 0.0, 1.0), note="along which height counts from the ground"),

@@ -11,11 +11,11 @@ import numpy as np
 from .._lib.checks import user_level
 from ..errors import InertiaError, MbrsWarning, ModelError
 from .aliases import Axis, BodyLike, Matrix, PoseLike, Rotation, Scalar, Vector, Vector3
+from .argument_checks import INERTIA_TOLERANCE, pack
 from .attach import places
 from .book import Attachable, Book, Item
 from .names import GROUND, problem
 from .numbers import Number
-from .packing import INERTIA_TOLERANCE, pack
 from .ports import Port, make_port
 from .schema import BODY, MARKER, POSE, Kind
 from .shapes import ShapeLike, shapes

@@ -172,7 +172,8 @@ class Item:
         if field.check == "positive":
             text = "" if values[0] > 0.0 else f"must be positive, got {values[0]:g}"
         elif field.check == "not negative":
-            text = f"must not be negative, got {values[0]:g}" if values[0] < 0.0 and self.has(field.name) else ""
+            counts = not field.flag or self.has(field.name)
+            text = f"must not be negative, got {values[0]:g}" if counts and values[0] < 0.0 else ""
         elif any(values) or not self.uses(field):
             return
         elif field.role == "orientation":
@@ -209,7 +210,12 @@ class Item:
             return Group(_run(start, n), (n,), ("rad",) * 3, turned)
         if shape is None:
             units = table.units(field, ())
-            return Group(_run(start, n), () if field.shape == () else (n,), units, checked=field.role in CHECKED_ROLES)
+            return Group(
+                _run(start, n),
+                () if field.shape == () else (n,),
+                units,
+                checked=bool(field.check) or field.role in CHECKED_ROLES,
+            )
         step = n // shape[0] + 1 if len(field.shape) == 2 and len(shape) == 1 else 1
         count = math.prod(shape)
         slots = tuple((start + step * i,) for i in range(count))

@@ -79,7 +79,7 @@ class ConstraintCall(FunctionCall):
     def check_callable(self) -> None:
         super().check_callable()
         if isinstance(self.d, FunctionName):
-            raise self.not_imported(self.d)
+            raise self.d.not_imported(self.where)
 
     def try_now(self) -> None:
         """Call all once, so that a mistake in them is seen early."""

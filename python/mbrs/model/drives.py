@@ -6,11 +6,11 @@ from dataclasses import replace
 from typing import Any
 
 from .aliases import Scalar
+from .argument_checks import pack
 from .book import Book, Group, Item
 from .joint import Joint
 from .motions import MotionItem, MotionLike
 from .names import not_found, problem, shown
-from .packing import pack
 from .schema import COUPLER, DRIVE, Kind
 
 JointLike = Joint | str

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from .aliases import Axis, PoseLike, Rotation, Vector3
+from .argument_checks import pack
 from .bodies import Body, enter, first_guess
 from .book import Attachable, Book, Group, Item
 from .names import GROUND, not_found, problem, shown
 from .numbers import Number, numbers
-from .packing import pack
 from .ports import Port, make_port
 from .schema import BODY, FIXED_BY_SHAPES, NODE, SHAPES, Kind
 from .shapes import ShapeLike

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import Any, Literal, TypeVar
 
 from .aliases import Axis, BodyLike, Coefficients, Laws, Points, Rotation, Scalar, Vector3
+from .argument_checks import pack
 from .attach import connect, load_place
 from .book import Book, Group, Item
 from .joint import check_apart
@@ -13,7 +14,6 @@ from .law_items import add_laws, law_fields
 from .motions import FunctionName, Motion, MotionItem, MotionLike, TimeFunction
 from .names import problem, shown
 from .numbers import Number, vector
-from .packing import pack
 from .schema import ELEMENTS, FUNCTION, LOAD_FRAMES, LOADS, Kind
 
 Frame = Literal["world", "body"]

@@ -20,15 +20,7 @@ class FunctionCall:
         """Raise where only the names of the functions are known."""
         for function in (self.function, self.derivatives):
             if isinstance(function, FunctionName):
-                raise self.not_imported(function)
-
-    def not_imported(self, function: FunctionName) -> Exception:
-        """The error of a function of which only the name is known."""
-        return problem(
-            self.where,
-            f"is the Python function {shown(function.name)}, which was not imported: a file is read as data. If you trust it, "
-            "load it with functions=True",
-        )
+                raise function.not_imported(self.where)
 
     def try_now(self) -> None:
         """Call both once, so that a mistake in them is seen early."""

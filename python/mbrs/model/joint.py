@@ -6,11 +6,11 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
+from .argument_checks import pack
 from .attach import connect
 from .book import Book, Group, Item
 from .law_items import add_laws, law_fields
 from .names import problem
-from .packing import pack
 from .schema import JOINTS, Kind
 
 # Sine of the angle by which the axes of a universal joint may miss the right angle, and by which two axes must differ: hand-typed

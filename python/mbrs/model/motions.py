@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..errors import ModelError
+from ..errors import MbrsError, ModelError
 from .aliases import Scalar, TimeFunctionLike
 from .book import Group, Item
 from .names import problem, shown
@@ -198,6 +198,14 @@ class FunctionName:
         check_function_name(name)
         self.name = name
 
+    def not_imported(self, where: str) -> MbrsError:
+        """The error of a call of it; ``where`` names its owner."""
+        return problem(
+            where,
+            f"is the Python function {shown(self.name)}, which was not imported: a file is read as data. If you trust it, "
+            "load it with functions=True (in a shell: --functions)",
+        )
+
 
 _FUNCTION_NAME = re.compile(r"[^\W\d]\w*(\.[^\W\d]\w*)*:[^\W\d]\w*(\.[^\W\d]\w*)*")
 
@@ -239,11 +247,7 @@ class TimeFunction(UserFunction):
     def check_callable(self) -> None:
         """Raise where only the name of the function is known."""
         if isinstance(self.function, FunctionName):
-            raise problem(
-                self.where,
-                f"is the Python function {shown(self.function.name)}, which was not imported: a file is read as data. If you trust it, "
-                "load it with functions=True (in a shell: --functions)",
-            )
+            raise self.function.not_imported(self.where)
 
     def try_now(self) -> None:
         """Call it once, so that a mistake in it is seen early."""

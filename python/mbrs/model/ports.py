@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from ..errors import ModelError
 from .expressions import Expression, number_text
 from .names import GROUND, not_found, shown
 from .numbers import Number, numbers, vector
 from .rotations import unit
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
 
 Kind = Literal["force", "torque", "motion", "base"]
 # the vector and the point in the name of a port
@@ -81,7 +84,7 @@ def _label(kind: Kind, owner: str, direction: Any, point: tuple[float, ...] | No
     return f"{owner}.{ending}{place}" if kind == "base" else f"{owner}.{kind}.{ending}{place}"
 
 
-def base_motion(direction: Any) -> Port:
+def base_motion(direction: str | ArrayLike) -> Port:
     """Motion of ground as a whole, as an input: translation "x", "y", "z" (or a vector (3,)), rotation "rx", "ry",
     "rz".
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -14,11 +14,14 @@ from .names import problem, shown
 from .numbers import Number, array, numbers, scalar, shape_of
 from .numbers import axis as direction
 
+if TYPE_CHECKING:
+    from .aliases import Axis, Scalar
+
 # How far a matrix may be from orthonormal: hand-typed cosines of six digits pass, a typing error does not.
 _ORTHONORMAL = 1e-5
 
 
-def rotation(axis: Any, angle: Any) -> np.ndarray:
+def rotation(axis: Axis, angle: Scalar) -> np.ndarray:
     """The quaternion of a rotation, q = (cos(angle/2), sin(angle/2) a) with the unit axis a.
 
     Parameters

@@ -22,12 +22,12 @@ from .describe import describe
 from .expressions import Expression
 from .grammar import GrammarError, parse
 from .law_items import SavedCall, SavedFunction, SavedLaw
-from .locate import Places
 from .motions import TYPES, FunctionName, UserFunction, resolve
 from .names import nearest, problem, shown
 from .numbers import shape_of
 from .schema import Kind
 from .shapes import shape_of_table
+from .toml_positions import Places
 from .units import is_quantity
 
 _BARE = re.compile(r"[A-Za-z0-9_-]+")

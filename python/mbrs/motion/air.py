@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -13,6 +13,10 @@ from ..model.aerodynamics import Aerodynamics
 from ..results import Result, Stats, quantity, result
 from ..system.air_flow import FLOW, flows, wrapped
 from ..system.snapshot import Snapshot
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 
 @result
@@ -52,7 +56,7 @@ class BladeLoads(Result):
         names = ["place [m]", "angle [deg]", "circulation [m2/s]", "normal [N/m]", "tangential [N/m]"]
         return names, [[float(v) for v in row] for row in zip(*columns, strict=True)]
 
-    def plot(self, *, ax: Any = None) -> Any:
+    def plot(self, *, ax: Axes | None = None) -> Figure:
         """Normal force per length over the place, mean and range in time; returns the figure."""
         from ..plot.aero import blade_loads as draw
 

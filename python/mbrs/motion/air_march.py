@@ -14,7 +14,7 @@ from .._lib.border import core_errors
 from .._lib.progress import Progress
 from ..aero.coupled import Induction, RotorWakeInduction, Rows, induction, rotor_frame
 from ..errors import ModelError
-from ..model.aerodynamics import Aerodynamics
+from ..model.aerodynamics import STEPPED, Aerodynamics
 from ..model.air_schema import INFLOWS
 from ..model.tables import tables, tables_with_nodes
 from ..system.air_flow import FLOW, flows
@@ -24,8 +24,6 @@ from .wake_steps import warn_long_steps, warn_long_turn
 
 # Largest change of an induced velocity, over the wind, at which a step of a tightly coupled wake is done, and rounds until then.
 AGREED, MOST_ROUNDS = 1e-4, 8
-# Inflows whose induced velocities advance with steps of their own.
-STEPPED = ("dynamic-inflow", "prescribed-wake", "free-wake")
 # A window shorter than this part of a step ends with the one before: rounding of times that were added up.
 SHORTEST = 1e-9
 

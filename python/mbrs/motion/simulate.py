@@ -30,6 +30,9 @@ from .matrix_motion import simulate_matrices
 from .trajectory import Trajectory
 
 if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from ..linear.aliases import Loads
     from ..model.model import Model
     from ..system.state import StateLike
 
@@ -55,7 +58,7 @@ _COMPARED = 50
 @overload
 def simulate(
     m: Model,
-    t: Any,
+    t: ArrayLike,
     *,
     rtol: float | None = None,
     step: float | None = None,
@@ -78,7 +81,7 @@ def simulate(
 @overload
 def simulate(
     m: MechanicalSystem,
-    t: Any,
+    t: ArrayLike,
     *,
     rtol: float | None = None,
     step: float | None = None,
@@ -89,15 +92,15 @@ def simulate(
     max_step: float | None = None,
     first_step: float | None = None,
     max_steps: int | None = None,
-    loads: Any = None,
-    x0: Any = None,
-    v0: Any = None,
+    loads: Loads | None = None,
+    x0: ArrayLike | None = None,
+    v0: ArrayLike | None = None,
 ) -> ResponseResult: ...
 
 
 def simulate(
     m: Any,
-    t: Any,
+    t: ArrayLike,
     *,
     rtol: float | None = None,
     step: float | None = None,
@@ -114,9 +117,9 @@ def simulate(
     parameters: str | Sequence[str] | None = None,
     penalty: float | None = None,
     passes: int | None = None,
-    loads: Any = None,
-    x0: Any = None,
-    v0: Any = None,
+    loads: Loads | None = None,
+    x0: ArrayLike | None = None,
+    v0: ArrayLike | None = None,
 ) -> Any:
     """Integrate the constrained equations of motion from an initial state, or the nonlinear equations of a matrix system.
 
@@ -251,6 +254,12 @@ def simulate(
         if absolute:
             raise ModelError('a motion in coordinates="absolute" has no sensitivities; leave out one of both')
         method = _with_sensitivities(method)
+        if method == "explicit":
+            if coordinates == "independent":
+                raise ModelError(
+                    'a motion in coordinates="independent" has no sensitivities; leave out coordinates= or parameters='
+                )
+            coordinates = "tree"
         if not isinstance(parameters, (str, Sequence)):
             raise ModelError(f"parameters= takes an address or a list of them, got {shown(parameters)}")
         directions(m, parameters)
@@ -310,7 +319,8 @@ def simulate(
 
 def _warn_bent(traj: Trajectory) -> None:
     for name in traj.flexible:
-        body = traj.model.bodies[traj.bodies.index(name)].modal
+        handle: Any = traj.model.bodies[traj.bodies.index(name)]
+        body = handle.modal
         if len(body.line_position) < 2 or not len(traj.t):
             continue
         extent = np.linalg.norm(np.ptp(body.line_position, axis=0))
@@ -363,10 +373,10 @@ def _penalised(method: str, penalty: Any, passes: Any, parameters: Any) -> dict[
 
 
 def _with_sensitivities(method: str) -> str:
-    if method not in ("auto", "ali3p", "generalized-alpha"):
+    if method not in ("auto", "explicit", "ali3p", "generalized-alpha"):
         raise ModelError(
-            f"method={method!r} has no sensitivities; those that have are method='ali3p' and 'generalized-alpha', or leave "
-            "parameters= out"
+            f"method={method!r} has no sensitivities; those that have are method='explicit', 'ali3p' and 'generalized-alpha', "
+            "or leave parameters= out"
         )
     return "ali3p" if method == "auto" else method
 

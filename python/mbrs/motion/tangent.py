@@ -15,6 +15,7 @@ from .. import _core
 from .._lib.border import core_errors
 from .._lib.vetter import Derivative
 from ..errors import KinkWarning, MbrsWarning, ModelError, NotDifferentiableError
+from ..model.aerodynamics import STEPPED
 from ..model.tables import Directions, directions
 from ..system.effects import with_rate_laws
 from ..system.snapshot import Snapshot
@@ -37,6 +38,30 @@ _STEP = 1e-5
 _OFF = 1e-4
 
 
+@dataclass(frozen=True)
+class Nodes:
+    """Instants at which quantities are read: first the ends of all steps, then nodes inside the steps.
+
+    Attributes
+    ----------
+    t
+        (n_r,) s.
+    n_ends
+        How many of them are ends of steps, the start included.
+    quadrature
+        (n_r,) s, weights of an integral over the motion, of the order of the scheme.
+    """
+
+    t: np.ndarray
+    n_ends: int
+    quadrature: np.ndarray
+
+    @property
+    def ends(self) -> np.ndarray:
+        """(n_t,) s."""
+        return self.t[: self.n_ends]
+
+
 @dataclass
 class Run:
     """A motion to be differentiated: model, start, times of the steps."""
@@ -52,6 +77,22 @@ class Run:
     rho: float = RHO
     # instants at which quantities are wanted, going forwards; none: at all
     read: list[bool] = field(default_factory=list)
+    # quantities are also wanted at the nodes inside the steps
+    inner: bool = False
+
+    @property
+    def nodes(self) -> Nodes:
+        """Instants at which quantities are read, with the weights of an integral."""
+        t, dt = self.times, np.diff(self.times)
+        first, last, inside = _core.motion_quadrature(self.scheme)
+        weights = np.zeros(len(t))
+        weights[:-1] += first * dt
+        weights[1:] += last * dt
+        if not (self.inner and inside):
+            return Nodes(t, len(t), weights)
+        c, b = np.array(inside).T
+        inner = t[:-1, None] + dt[:, None] * c
+        return Nodes(np.concatenate([t, inner.ravel()]), len(t), np.concatenate([weights, (dt[:, None] * b).ravel()]))
 
     def options(self, asked: Sequence[Asked], along: Directions | None) -> dict[str, Any]:
         """Arguments of the core."""
@@ -68,6 +109,7 @@ class Run:
             "weight": self.weight,
             "keep": self.keep,
             "read": self.read,
+            "inner": self.inner,
             "drawn": self.state.kind in ("drawn", "equilibrium"),
             "velocities": self.state.kind == "drawn",
             "quantities": list(asked),
@@ -139,12 +181,14 @@ def warn_of_growth(growth: float) -> None:
 
 
 def require_exact_tangents(m: Model, without: tuple[str, ...]) -> None:
-    """Two effects leave tangents of a step that are not the derivatives of its forces."""
-    if m.airs and "aerodynamics" not in without:
-        air = m.airs[0]
+    """Refuse motions whose steps have tangents that are not the derivatives of their forces: air with steps of its own, effects."""
+    stepped = [] if "aerodynamics" in without else [air for air in m.airs if air.inflow in STEPPED]
+    if stepped:
+        air = stepped[0]
         raise NotDifferentiableError(
-            f"the air {air.name!r} (inflow {air.inflow!r}) has no gradients of motions: leave it out with without=('aerodynamics',), "
-            "or take differences of mb.simulate"
+            f"the air {air.name!r} (inflow {air.inflow!r}) has no gradients of motions: its inflow advances by steps of its own, which are "
+            'not differentiated. Give it inflow="bem" or "none", leave it out with without=(\'aerodynamics\',), or take differences of '
+            "mb.simulate"
         )
     why = None
     if "centrifugal" in without:

@@ -25,10 +25,13 @@ from .quantities import Names
 from .tangent import RHO, Run, quantity_derivative
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
     from ..model.aliases import BodyLike, ItemLike, Vector3
+    from ..model.model import Model
 
 
 @result
@@ -128,7 +131,7 @@ class Trajectory(AirMotion, Result):
         return len(self.t)
 
     @property
-    def model(self) -> Any:
+    def model(self) -> Model:
         """The model this belongs to."""
         return self.snapshot.model
 
@@ -137,18 +140,14 @@ class Trajectory(AirMotion, Result):
         """Names of the bodies."""
         return tuple(self.snapshot.tables["body_name"])
 
+    @property
+    def _instants(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        return self.t, self.q, self.rate, self.memory, self.acceleration
+
     @cached_property
     def _quantities(self) -> dict[str, Any]:
         with core_errors():
-            return _core.motion_quantities(
-                self.snapshot.system,
-                self.t,
-                self.q,
-                self.rate,
-                self.memory,
-                self.acceleration,
-                list(self.without),
-            )
+            return _core.motion_quantities(self.snapshot.system, *self._instants, list(self.without))
 
     def _body(self, body: BodyLike) -> int:
         return index("no body", body, self.bodies)
@@ -318,8 +317,8 @@ class Trajectory(AirMotion, Result):
         """
         if self.start is None or not len(self.parameters):
             raise ModelError(
-                "this motion has no sensitivities; run mb.simulate(..., parameters=['...']) with method='ali3p' or "
-                "'generalized-alpha' to get them"
+                "this motion has no sensitivities; run mb.simulate(..., parameters=['...']) with method='explicit', 'ali3p' "
+                "or 'generalized-alpha' to get them"
             )
         self.snapshot.check_current("motion")
         rho = RHO if self.rho is None else self.rho
@@ -391,16 +390,7 @@ class Trajectory(AirMotion, Result):
     @cached_property
     def _reactions(self) -> np.ndarray:
         with core_errors():
-            return _core.motion_reactions(
-                self.snapshot.system,
-                self.t,
-                self.q,
-                self.rate,
-                self.memory,
-                self.acceleration,
-                self.multipliers,
-                list(self.without),
-            )
+            return _core.motion_reactions(self.snapshot.system, *self._instants, self.multipliers, list(self.without))
 
     @property
     def poses(self) -> dict[str, np.ndarray]:
@@ -482,7 +472,7 @@ class Trajectory(AirMotion, Result):
 
         return motion.plot(self, what, ax=ax, **options)
 
-    def animate(self, path: Any = None, **options: Any) -> Any:
+    def animate(self, path: str | Path | None = None, **options: Any) -> Any:
         """The motion as one self-contained page that plays; written to ``path`` if that is given.
 
         ``options``: ``pace`` (seconds of motion in a second of playing), ``at`` (s, paused there), ``paths`` (markers and bodies whose

@@ -568,7 +568,9 @@ def _stretched(X: np.ndarray, factor: int) -> np.ndarray:
 
 
 _OPTIONS = {
-    name: p for name, p in signature(Branch.__init__).parameters.items() if name in BranchOptions.__annotations__
+    name: p.replace(annotation=getattr(kind, "__forward_arg__", kind))
+    for name, p in signature(Branch.__init__).parameters.items()
+    if (kind := BranchOptions.__annotations__.get(name)) is not None
 }
 BRANCH_DEFAULTS: dict[str, Any] = {name: p.default for name, p in _OPTIONS.items()}
 

@@ -2,13 +2,21 @@
 
 from __future__ import annotations
 
-from typing import Any, TypedDict
+from typing import TYPE_CHECKING, Any, TypedDict
 
 import numpy as np
 
 from .._lib import checks
 from ..errors import ModelError
 from . import balance
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping, Sequence
+
+    from numpy.typing import ArrayLike
+
+    from ..linear.aliases import Coefficients, Force, Ports
+    from ..system.state import StateLike
 
 # "lagrange" is of order 3
 PREDICTORS = ("tangent", "secant", "lagrange", *(f"lagrange{order}" for order in range(1, 6)))
@@ -17,17 +25,17 @@ PREDICTORS = ("tangent", "secant", "lagrange", *(f"lagrange{order}" for order in
 class BranchOptions(TypedDict, total=False):
     """Options of every function that follows a branch; `frequency_response` explains them, `Branch` has the defaults."""
 
-    force: Any
-    inputs: Any
-    amplitude: Any
-    omega: Any
-    frequency: Any
-    level: Any
-    harmonics: Any
+    force: Force | Callable[..., Any] | None
+    inputs: Ports | Mapping[int, Ports] | None
+    amplitude: ArrayLike | Callable[[float], Any] | None
+    omega: float | tuple[float, float] | None
+    frequency: float | tuple[float, float] | None
+    level: float | tuple[float, float]
+    harmonics: int | str | Sequence[int]
     n_samples: int | None
     subharmonic: int
     condense: bool | str
-    x0: Any
+    x0: Coefficients | None
     tol: float | None
     predictor: str
     corrector: str
@@ -37,8 +45,8 @@ class BranchOptions(TypedDict, total=False):
     tolerance: float
     stability: bool
     events: bool
-    at: Any
-    without: Any
+    at: StateLike
+    without: Sequence[str]
 
 
 def first_set(force: Any) -> int:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from time import perf_counter
-from typing import Any, Unpack
+from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
 
@@ -18,10 +18,18 @@ from .periodic import effects_of, harmonic_balance
 from .response_curve import FrequencyResponse, Part, known_stability
 from .system import as_system
 
+if TYPE_CHECKING:
+    from ..linear.matrices import MechanicalSystem
+    from ..model.model import Model
+
 
 @takes_branch_options
 def frequency_response(
-    system: Any, *, max_points: int = 10000, progress: bool | None = None, **options: Unpack[BranchOptions]
+    system: Model | MechanicalSystem,
+    *,
+    max_points: int = 10000,
+    progress: bool | None = None,
+    **options: Unpack[BranchOptions],
 ) -> FrequencyResponse:
     """Periodic responses of M x" + C x' + K x + sum_e w_e law_e = f(t) over a range of frequencies, through folds.
 

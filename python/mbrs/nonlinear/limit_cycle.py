@@ -16,8 +16,14 @@ from .periodic import UNRESOLVED, PeriodicSolution, effects_of
 from .system import nonlinear_system
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    from collections.abc import Mapping, Sequence
 
+    from matplotlib.figure import Figure
+    from numpy.typing import ArrayLike
+
+    from ..linear.aliases import Coefficients
+    from ..linear.matrices import MechanicalSystem
+    from ..model.model import Model
     from ..system.state import StateLike
 
 
@@ -57,12 +63,12 @@ class LimitCycle(PeriodicSolution):
 
 
 def limit_cycle(
-    system: Any,
+    system: Model | MechanicalSystem,
     *,
-    harmonics: Any = 15,
-    force: Any = None,
+    harmonics: int | str | Sequence[int] = 15,
+    force: Mapping[int, ArrayLike] | None = None,
     omega: float | None = None,
-    x0: Any = None,
+    x0: Coefficients | None = None,
     n_samples: int | None = None,
     condense: bool | str = "auto",
     tol: float | None = None,
@@ -70,7 +76,7 @@ def limit_cycle(
     tolerance: float = 1e-10,
     max_iterations: int = 60,
     at: StateLike = None,
-    without: Any = (),
+    without: Sequence[str] = (),
 ) -> LimitCycle:
     """Periodic motion without periodic excitation, its frequency unknown.
 

@@ -23,6 +23,8 @@ from .response_curve import FrequencyResponse
 from .system import as_system
 
 if TYPE_CHECKING:
+    from ..linear.matrices import MechanicalSystem
+    from ..model.model import Model
     from .displacement import Displacement
 
 
@@ -100,7 +102,7 @@ class ParameterResponse(FrequencyResponse):
 
 @takes_branch_options
 def parameter_response(
-    system: Any,
+    system: Model | Callable[[float], MechanicalSystem],
     parameter: str | None = None,
     *,
     value: tuple[float, float],

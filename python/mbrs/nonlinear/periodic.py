@@ -17,9 +17,15 @@ from .fourier import FourierMotion
 from .sampled_force import cut, harmonics_of, linear_size
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from numpy.typing import ArrayLike
 
+    from ..linear.aliases import Coefficients, Force, Ports
+    from ..linear.matrices import MechanicalSystem
+    from ..model.model import Model
     from ..system.state import StateLike
     from .displacement import Displacement
     from .verify_full import Distance
@@ -222,23 +228,23 @@ class PeriodicSolution(FourierMotion, Result):
 
 
 def harmonic_balance(
-    system: Any,
+    system: Model | MechanicalSystem,
     *,
-    force: Any = None,
-    inputs: Any = None,
-    amplitude: Any = None,
+    force: Force | Callable[..., Any] | None = None,
+    inputs: Ports | Mapping[int, Ports] | None = None,
+    amplitude: ArrayLike | Callable[[float], Any] | None = None,
     omega: float | None = None,
     frequency: float | None = None,
-    harmonics: Any = 7,
+    harmonics: int | str | Sequence[int] = 7,
     n_samples: int | None = None,
     subharmonic: int = 1,
     condense: bool | str = "auto",
-    x0: Any = None,
+    x0: Coefficients | None = None,
     tol: float | None = None,
     tolerance: float = 1e-10,
     max_iterations: int = 60,
     at: StateLike = None,
-    without: Any = (),
+    without: Sequence[str] = (),
 ) -> PeriodicSolution:
     """One periodic solution of M x" + C x' + K x + sum_e w_e law_e(w_e . x, w_e . x') = f(t) by harmonic balance.
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import field
 from math import comb
 from time import perf_counter
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, cast
 
 import numpy as np
 
@@ -26,7 +26,10 @@ from .system import as_system, force_of_ports, nonlinear_system
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from numpy.typing import ArrayLike
 
+    from ..linear.matrices import MechanicalSystem
+    from ..model.model import Model
     from ..system.state import StateLike
     from .displacement import Displacement
     from .verify_full import Distance
@@ -202,12 +205,12 @@ def diamond(p: int, m: int) -> np.ndarray:
 
 
 def quasi_periodic(
-    system: Any,
+    system: Model | MechanicalSystem,
     forces: Sequence[Mapping[str, Any]],
     *,
     harmonics: int | str = 7,
-    indices: Any = None,
-    static: Any = None,
+    indices: ArrayLike | None = None,
+    static: ArrayLike | None = None,
     n_samples: int | Sequence[int] | None = None,
     condense: bool | str = "auto",
     x0: QuasiPeriodicSolution | None = None,
@@ -298,7 +301,7 @@ def sources_of(system: Any, forces: Any, at: Any, without: Sequence[str]) -> tup
     """System and forces as vectors, from a model with ports or a system with vectors."""
     if not isinstance(system, Book):
         return as_system(system, (), None, at, without)[0], forces
-    made, plain = nonlinear_system(system, at=at, without=without), []
+    made, plain = nonlinear_system(cast("Model", system), at=at, without=without), []
     for i, source in enumerate(forces if isinstance(forces, Sequence) else []):
         if not isinstance(source, Mapping) or not {"inputs", "force"} & set(source):
             raise ModelError(f"forces[{i}] must be dict(inputs=port, amplitude=..., omega=...), it is {source!r}")

@@ -25,7 +25,10 @@ from .quasi_periodic import MOST_AUTOMATIC, QuasiPeriodicSolution, Torus, source
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from numpy.typing import ArrayLike
 
+    from ..linear.matrices import MechanicalSystem
+    from ..model.model import Model
     from ..system.state import StateLike
     from .displacement import Displacement
 
@@ -145,16 +148,16 @@ class QuasiPeriodicResponse(Result):
 
 
 def quasi_periodic_response(
-    system: Any,
+    system: Model | MechanicalSystem | Callable[[float], MechanicalSystem],
     forces: Sequence[Mapping[str, Any]],
     *,
-    scale: Any = 1.0,
-    level: Any = 1.0,
-    value: Any = None,
+    scale: float | tuple[float, float] = 1.0,
+    level: float | tuple[float, float] = 1.0,
+    value: tuple[float, float] | None = None,
     harmonics: int | str = 7,
-    indices: Any = None,
-    static: Any = None,
-    n_samples: Any = None,
+    indices: ArrayLike | None = None,
+    static: ArrayLike | None = None,
+    n_samples: int | Sequence[int] | None = None,
     condense: bool | str = "auto",
     x0: QuasiPeriodicSolution | None = None,
     tol: float | None = None,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
@@ -23,6 +23,7 @@ from ..system.state import state_of
 from .shifted_laws import ShiftedFunction, shifted
 
 if TYPE_CHECKING:
+    from ..model.model import Model
     from ..system.state import StateLike
 
 # a displacement below this part of the characteristic length (or this angle) is rounding of an equilibrium
@@ -38,7 +39,7 @@ class NonlinearSystem(MechanicalSystem):
     values: Mapping[str, float] = {}
 
 
-def nonlinear_system(m: Any, *, at: StateLike = None, without: Sequence[str] = ()) -> NonlinearSystem:
+def nonlinear_system(m: Model, *, at: StateLike = None, without: Sequence[str] = ()) -> NonlinearSystem:
     """M x" + (C + G) x' + (K + N) x + sum_e w_e (law_e(u_e + w_e . x, w_e . x') - law_e(u_e, 0)) = f about a state.
 
     Geometry is linear in the minimal coordinates x, laws are not: the matrices hold everything but the slopes of the
@@ -150,7 +151,7 @@ def as_system(
         if at is not None or checks.names("without", without):
             raise ModelError("at= and without= are for models; a MechanicalSystem is what its matrices are")
         return system, force if amplitude is None else _scaled(force, amplitude)
-    made = nonlinear_system(system, at=at, without=without)
+    made = nonlinear_system(cast("Model", system), at=at, without=without)
     if callable(amplitude):
         return made, _force_in_time(made, force, amplitude)
     return made, force_of_ports(made, force, amplitude)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from .linear import campbell, frf, modes, response
+from .campbell_diagram import campbell
+from .linear import frf, modes, response
 from .studies import accuracy, effects, tornado
 
 __all__ = ["accuracy", "campbell", "effects", "frf", "modes", "response", "tornado"]

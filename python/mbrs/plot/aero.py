@@ -86,7 +86,7 @@ def stall(result: Any, *, ax: Axes | None = None) -> Figure:
     return made
 
 
-def blade_loads(result: Any, *, ax: Any = None) -> Any:
+def blade_loads(result: Any, *, ax: Axes | None = None) -> Figure:
     """Mean of the normal force per length over the place, and its range in time."""
     with style():
         made, axes = canvas(ax)

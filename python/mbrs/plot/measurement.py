@@ -58,7 +58,7 @@ def _computed(axes: Any, result: Any, against: Any) -> None:
         axes.set_xlabel("frequency [Hz]")
 
 
-def side_by_side(measured: Any, computed: Any, *, ax: Any = None) -> Any:
+def side_by_side(measured: Any, computed: Any, *, ax: Axes | None = None) -> Figure:
     """|H| of measured transfer functions as dots and of computed ones as lines of the same colour."""
     with style():
         made, axes = canvas(ax)
@@ -74,7 +74,7 @@ def side_by_side(measured: Any, computed: Any, *, ax: Any = None) -> Any:
     return made
 
 
-def correlation(result: Any, *, ax: Any = None) -> Any:
+def correlation(result: Any, *, ax: Axes | None = None) -> Figure:
     """MAC of measured (rows) and computed modes (columns) as squares."""
     with style():
         made, axes = canvas(ax)
@@ -93,7 +93,7 @@ def correlation(result: Any, *, ax: Any = None) -> Any:
     return made
 
 
-def pairing(result: Any, *, ax: Any = None) -> Any:
+def pairing(result: Any, *, ax: Axes | None = None) -> Figure:
     """Distances of nodes from the points that they were paired with."""
     with style():
         made, axes = canvas(ax)
@@ -105,7 +105,7 @@ def pairing(result: Any, *, ax: Any = None) -> Any:
     return made
 
 
-def update(result: Any, *, ax: Any = None) -> Any:
+def update(result: Any, *, ax: Axes | None = None) -> Figure:
     """Values of updated parameters over their first ones, with their intervals."""
     with style():
         made, axes = canvas(ax)

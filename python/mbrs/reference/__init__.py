@@ -5,7 +5,7 @@ Real quantities are complex-safe: a complex step in x gives their derivatives to
 
 To read it in order: `so3`, `jets` (numbers with derivatives), `reader` (what the tables hold), `topology`, `kinematics`, `joints`
 (rows of constraints), `assembly` (closed loops, minimal coordinates), `dynamics` (forces and their tangents), `linearize`; then
-any analysis. `hbm_balance`, `hbm_laws` and `hbm_shooting` know matrices and laws only.
+any analysis. `hbm_balance` and `hbm_shooting` know matrices and laws only.
 """
 
 from .assembly import assemble
@@ -14,7 +14,7 @@ from .equilibrium import equilibrium
 from .frf import frf, frf_derivative, motion_rows
 from .kinematics import State, System, advance, drawn_state, from_poses
 from .linearize import Linearization, linearize
-from .modal import Modes, constrained_roots, modes
+from .modal import Modes, modes
 from .motion import Motion, law_rows
 from .response import response
 from .sensitivity import (
@@ -41,7 +41,6 @@ __all__ = [
     "advance",
     "assemble",
     "begin",
-    "constrained_roots",
     "derivative",
     "drawn_state",
     "eigenvalue_derivative",

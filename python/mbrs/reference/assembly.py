@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,8 +26,11 @@ from .kinematics import (
 )
 from .linear import minimum_norm, pivots
 from .reader import Link
+from .rows import Row, is_length
 from .so3 import Array
 from .topology import TreeJoint
+
+RowsOf = Callable[[Link], list[Row]]
 
 
 @dataclass
@@ -43,49 +46,49 @@ def cut_row_names(sys: System) -> list[str]:
     return [f"{link.name}[{i}]" for link in sys.cut for i in range(len(jt.all_rows(link)))]
 
 
-def link_rows(link: Link, p: jt.Pair, rows: Sequence[jt.Row]) -> Jet:
-    """G (n, 6) of constraint rows."""
-    return stack([jt.constraint_row(row, p) for row in rows])
-
-
 def constraint_values(sys: System, state: State, links: Sequence[Link]) -> Array:
     bodies, out = motion(state), []
     for link in links:
         p = link_pair(link, bodies)
         if link.row is None:
-            out += [jt.constraint_value(row, p, link.length) for row in jt.position_rows(link)]
+            length = link.length if link.kind == "distance" else 0.0
+            out += [jt.value(row, p) - length for row in jt.position_rows(link)]
         elif link.first is None:
             assert link.motion is not None
-            phi = jt.imposed_value(link.row, p) - link.motion(sys.t)[0]
+            phi = jt.value(link.row, p) - link.motion(sys.t)[0]
             turns = np.round(phi.real / (2 * np.pi)) if link.row[0] in ("angle", "beta") else 0.0
             out.append(phi - 2 * np.pi * turns)
         else:  # within half a turn of the drawn positions
-            first = jt.imposed_value(link.first.row, link_pair(link.first, bodies))
-            out.append(jt.imposed_value(link.row, p) - link.ratio * first - link.length)
+            first = jt.value(link.first.row, link_pair(link.first, bodies))
+            out.append(jt.value(link.row, p) - link.ratio * first - link.length)
     return np.array(out)
 
 
-def cut_jacobian(sys: System, bodies: Motion, twists: list[tuple[Jet, Jet]], velocity: bool = True) -> Jet:
-    """J^T (ny, nc) of the cut rows over the tree coordinates, as a jet; without the rows that restrict velocities alone
-    where positions are meant.
-    """
+def row_map(links: Sequence[Link], bodies: Motion, twists: list[jt.Vectors], rows_of: RowsOf = jt.all_rows) -> Jet:
+    """The rates (m,) of rows of links, for m motions with these twists, as columns of a jet (m, rows)."""
     out = []
-    for link in sys.cut:
-        if jt.all_rows(link) if velocity else jt.position_rows(link):
+    for link in links:
+        if rows_of(link):
             parts = []
             for part, factor in jt.terms(link):
                 p = link_pair(part, bodies)
-                rows = jt.all_rows(part) if velocity else jt.position_rows(part)
                 xi = p.twist(twists[part.a.body], twists[part.b.body])
-                parts.append(factor * (link_rows(part, p, rows) @ xi.T))
+                parts.append(factor * (jt.slopes(rows_of(part), p) @ xi.T))
             out.append(sum(parts[1:], parts[0]))
-    return stack(out).T if out else jet(np.zeros((sys.ny, 0)))
+    return stack(out).T if out else jet(np.zeros((len(twists[-1][0].value), 0)))
+
+
+def cut_jacobian(sys: System, bodies: Motion, twists: list[jt.Vectors], velocity: bool = True) -> Jet:
+    """J^T (ny, nc) of the cut rows over the tree coordinates; without the rows that restrict velocities alone where positions
+    are meant.
+    """
+    return row_map(sys.cut, bodies, twists, jt.all_rows if velocity else jt.position_rows)
 
 
 def scales(sys: System, velocity: bool = True) -> tuple[Array, Array]:
     """Factors that make J free of units: rows in metres by 1/L_c, columns in metres by L_c."""
     rows_of = jt.all_rows if velocity else jt.position_rows
-    rows = np.array([jt.is_length(row) for link in sys.cut for row in rows_of(link)], dtype=bool)
+    rows = np.array([is_length(row) for link in sys.cut for row in rows_of(link)], dtype=bool)
     return np.where(rows, 1 / sys.length, 1.0), np.where(sys.is_length, sys.length, 1.0)
 
 
@@ -157,8 +160,7 @@ def assemble(sys: System, state: State, tolerance: float = 1e-13) -> State:
             place_modal(t, r, R)
             continue
         u, turn = relative_pose(t, state.r, state.R)
-        free = [k for _, kind, _, k in t.coordinates if kind == "t"]
-        turn, along = _free_turn(t, turn), np.where(np.isin(np.arange(3), free), u, 0.0)
+        turn, along = _free_turn(t, turn), np.where(np.isin(np.arange(3), t.translations), u, 0.0)
         place_outer(t, r, R, along + t.link.pitch * so3.atan2(turn[1, 0], turn[0, 0]) * np.eye(3)[2], turn)
     return close_loops(sys, State(r, R, state.v, state.w), tolerance)
 
@@ -166,7 +168,7 @@ def assemble(sys: System, state: State, tolerance: float = 1e-13) -> State:
 def _free_turn(t: TreeJoint, R: Array) -> Array:
     """The rotation next to R that the joint allows."""
     z, x = np.eye(3)[2], np.eye(3)[0]
-    if t.link.kind in ("spherical", "free"):
+    if t.turns_freely:
         return R
     if t.link.kind in ("fixed", "prismatic"):
         return np.eye(3)

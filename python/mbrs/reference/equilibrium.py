@@ -9,7 +9,7 @@ import numpy as np
 from ..errors import ConvergenceError
 from . import dynamics as dyn
 from .assembly import Partition, assemble, close_loops, cut_jacobian, null_space, twist_map
-from .kinematics import State, System, advance, first_guess, motion, tree_twists
+from .kinematics import State, System, advance, first_guess, motion, moving, tree_twists
 from .linearize import Linearization, linearize
 from .so3 import Array
 
@@ -53,10 +53,9 @@ def _size(sys: System, lin: Linearization) -> float:
 
 def _force_scale(sys: System, lin: Linearization) -> float:
     """The size of the terms whose sum vanishes: loads and the forces of single elements."""
-    Q, _ = dyn.load_forces(sys, lin.state)
-    parts = [np.max(np.abs(Q.real), initial=0.0), np.max(np.abs(dyn.element_force(sys, lin.state).real), initial=0.0)]
-    stiffness = np.max(np.abs(lin.K.real), initial=0.0)
-    return float(max(*parts, 1e-3 * stiffness, 1e-300) * max(sys.length, 1.0))
+    now = moving(lin.state, np.zeros(6 * sys.nb))
+    parts = (dyn.loads(sys, now).value, dyn.elements(sys, now).value, 1e-3 * lin.K)
+    return max(*(float(np.max(np.abs(part.real), initial=0.0)) for part in parts), 1e-300) * max(sys.length, 1.0)
 
 
 def _step(sys: System, state: State, lin: Linearization, size: float, without: Collection[str]) -> State:

@@ -19,7 +19,7 @@ import numpy as np
 
 from . import dynamics as dyn
 from .assembly import assemble, partition, twist_map
-from .kinematics import State, System, advance, drawn_state, motion
+from .kinematics import State, System, advance, drawn_state, motion, moving
 from .linearize import linearize
 from .so3 import Array
 from .steady import turning
@@ -123,7 +123,8 @@ class Rotor:
         y[self.driven] = self.speed * t
         there: State = advance(sys, self.state.at_rest, y)
         T = twist_map(sys, motion(there), partition(sys, there)).value
-        return (T.T @ dyn.load_forces(sys, there)[0])[self.kept] - self.inertia
+        weight = dyn.loads(sys, moving(there, np.zeros(6 * sys.nb))).value[0]
+        return (T.T @ weight)[self.kept] - self.inertia
 
     def superposed(self, t: Array, modes: int | None = None) -> Superposition:
         """The motion from rest in the turning frame, over the ``modes`` lowest pairs of roots (all by default).

@@ -54,18 +54,14 @@ class Flexible:
     K: Array
     C: Array
 
-    @property
-    def places(self) -> Array:
-        """Indices of the frame's six and the m modal coordinates in a vector over all frames (6 each)."""
-        return np.concatenate([6 * self.frame + np.arange(6), self.modal_places])
-
-    @property
-    def modal_places(self) -> Array:
-        return np.array([6 * self.carriers[k // 3] + k % 3 for k in range(self.m)])
-
-    def coordinates(self, r: Array) -> Array:
-        """q (m,) from the places of all frames, q' from their velocities."""
+    def held(self, r: Array) -> Array:
+        """q (m,) from the places of all frames."""
         return r[self.carriers].reshape(-1)[: self.m]
+
+    def coordinates(self, vectors: list[tuple[Jet, Jet]]) -> Jet:
+        """q (1, m) from the places of all frames, q' from their velocities, q" from their accelerations."""
+        rows = [vectors[carrier][0] @ np.eye(3, self.m, 3 * j) for j, carrier in enumerate(self.carriers)]
+        return sum(rows[1:], rows[0])
 
 
 @dataclass
@@ -78,7 +74,7 @@ class Node:
 
     def pose(self, r: Array) -> tuple[Array, Array]:
         """Displacement and rotation Rx Ry Rz seen from the frame."""
-        q = self.owner.coordinates(r)
+        q = self.owner.held(r)
         a, b, c = np.eye(3) * (self.shape[3:] @ q)[:, None]
         return self.place + self.shape[:3] @ q, so3.exp(a) @ so3.exp(b) @ so3.exp(c)
 
@@ -201,29 +197,10 @@ class Moving:
     ddq: Jet
 
 
-def moving(f: Flexible, state: Any, acceleration: Array, directions: bool = False) -> Moving:
-    """The motion, or with ``directions`` that with derivatives along the 3 (6 + m) unit changes of pose, rates and
-    accelerations, in this order and in that of `Flexible.places`.
-    """
-    b, m = f.frame, f.m
-    n = 6 + m
-    unit = np.eye(3 * n) if directions else None
-
-    def row(value: Array, start: int) -> Jet:
-        width = len(value)
-        return Jet(value[None, :]) if unit is None else Jet(value[None, :], unit[:, None, start : start + width])
-
-    R = state.R[b]
-    frame = Jet(R) if unit is None else Jet(R, so3.skew(unit[:, 3:6]) @ R)
-    return Moving(
-        frame,
-        row(state.w[b], n + 3),
-        row(acceleration[6 * b : 6 * b + 3], 2 * n),
-        row(acceleration[6 * b + 3 : 6 * b + 6], 2 * n + 3),
-        row(f.coordinates(state.r), 6),
-        row(f.coordinates(state.v), n + 6),
-        row(acceleration[f.modal_places], 2 * n + 6),
-    )
+def moving(f: Flexible, now: Any) -> Moving:
+    """Its part of the motion of all bodies."""
+    (_, R), (_, w), (a, alpha) = now.pose[f.frame], now.twist[f.frame], now.rate[f.frame]
+    return Moving(R, w, a, alpha, *(f.coordinates(vectors) for vectors in (now.pose, now.twist, now.rate)))
 
 
 def inertia(f: Flexible, now: Moving) -> Jet:
@@ -247,7 +224,7 @@ def weight(f: Flexible, now: Moving, gravity: Array) -> Jet:
 
 def height(f: Flexible, state: Any, gravity: Array) -> Any:
     """sum w one g . X: minus the potential energy of weight."""
-    q, c = f.coordinates(state.r), f.cloud
+    q, c = f.held(state.r), f.cloud
     place = c.r + c.phi @ q + 0.5 * np.einsum("pakl,k,l->pa", c.psi, q, q)
     X = c.one[:, None] * state.r[f.frame] + place @ state.R[f.frame].T
     return (c.w * c.one) @ X @ gravity

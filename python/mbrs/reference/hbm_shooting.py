@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from . import hbm_balance, hbm_laws
+from . import hbm_balance
 
 
 def flow(
@@ -27,7 +27,7 @@ def flow(
         for law in system.elements:
             w = law.w
             value, f_u, f_v = (
-                a[0] for a in hbm_laws.force(law, np.array([w @ x]), np.array([w @ v]), np.array([omega * t]))
+                a[0] for a in hbm_balance.sampled(law, np.array([w @ x]), np.array([w @ v]), np.array([omega * t]))
             )
             f = f - w * value
             stiffness += f_u * np.outer(w, w)

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from .so3 import Array, skew
+from .so3 import cross as vector_product
 
 
 class Jet:
@@ -95,17 +96,17 @@ def _total(terms: Sequence[Array | None]) -> Array | None:
 
 def product(f: Callable[[Array, Array], Array], a: Any, b: Any) -> Jet:
     """Leibniz' rule for a bilinear f."""
-    a, b = jet(a), jet(b)
+    x, y = jet(a).c, jet(b).c
     out = []
-    for k in range(min(a.order, b.order) + 1):
-        pairs = [(comb(k, j), a.c[j], b.c[k - j]) for j in range(k + 1)]
-        out.append(_total([n * f(x, y) for n, x, y in pairs if x is not None and y is not None]))
+    for k in range(min(len(x), len(y))):
+        pairs = [(comb(k, j), x[j], y[k - j]) for j in range(k + 1)]
+        out.append(_total([n * f(u, v) if n > 1 else f(u, v) for n, u, v in pairs if u is not None and v is not None]))
     return Jet(*out)
 
 
 def cross(a: Any, b: Any) -> Jet:
     """Cross product of rows."""
-    return product(np.cross, a, b)
+    return product(vector_product, a, b)
 
 
 def dot(a: Any, b: Any) -> Jet:

@@ -15,6 +15,7 @@ from . import laws, reader, so3
 from .flexible import frames_named, modal_links, read_flexible
 from .jets import Jet, column, cross, dot, jet, power
 from .reader import Link
+from .rows import Row, is_length
 from .so3 import Array
 from .topology import TreeJoint, spanning_tree
 
@@ -114,7 +115,7 @@ class System:
     @cached_property
     def is_length(self) -> Array:
         """True for the tree coordinates in metres."""
-        tree = [c[1] == "t" for t in self.tree for c in t.coordinates]
+        tree = [is_length(row) for t in self.tree for row in t.coordinates]
         return np.array(tree + [False] * (self.ny - self.n_tree), dtype=bool)
 
 
@@ -159,8 +160,19 @@ def from_poses(
     return State(position, R, zero if v is None else np.asarray(v), zero if w is None else np.asarray(w))
 
 
-Motion = list[tuple[Jet, Jet]]
+Motion = list[jt.Vectors]
 GROUND_MOTION = (jet(np.zeros((1, 3))), jet(np.eye(3)))
+
+
+def split(twists: Array) -> tuple[Array, Array]:
+    """(..., 6 nb) to translations and rotations (..., nb, 3)."""
+    t = twists.reshape(*twists.shape[:-1], twists.shape[-1] // 6, 6)
+    return t[..., :3], t[..., 3:]
+
+
+def twists_of(state: State) -> Array:
+    """(v, w) per body in one vector (6 nb,)."""
+    return np.concatenate([state.v, state.w], axis=1).reshape(-1)
 
 
 def motion(state: State, *derivatives: tuple[Array, Array]) -> Motion:
@@ -183,18 +195,58 @@ def motion(state: State, *derivatives: tuple[Array, Array]) -> Motion:
     return [*out, GROUND_MOTION]
 
 
+@dataclass
+class Moving:
+    """Bodies in motion, ground last: poses, twists, their rates, and the poses without derivatives."""
+
+    pose: Motion
+    twist: list[jt.Vectors]
+    rate: list[jt.Vectors]
+    still: Motion
+
+    def displacement(self, body: int) -> jt.Vectors:
+        """The changes (m, 1, 3) of a pose along all directions, as values."""
+        centre, R = self.pose[body]
+        if body < 0:
+            return GROUND_MOTION[0], GROUND_MOTION[0]
+        return jet(centre.derivative()), jet(so3.vee(R.derivative() @ R.value.T)[..., None, :])
+
+
+def moving(
+    state: State, a: Array, pose: Array | None = None, twist: Array | None = None, rate: Array | None = None
+) -> Moving:
+    """The motion with twist rates a (6 nb,); with derivatives along m changes of pose, twists and their rates, each (m, 6 nb)."""
+
+    def vectors(values: Array, changes: Array | None) -> list[jt.Vectors]:
+        jets = [Jet(v[None], None) for v in values.reshape(-1, 3)]
+        if changes is not None:
+            jets = [Jet(j.value, changes[:, None, 3 * i : 3 * i + 3]) for i, j in enumerate(jets)]
+        return [*zip(jets[::2], jets[1::2], strict=True), (GROUND_MOTION[0], GROUND_MOTION[0])]
+
+    still = [(Jet(centre.value, None), Jet(R.value, None)) for centre, R in motion(state)]
+    poses = still if pose is None else motion(state, split(pose))
+    return Moving(poses, vectors(twists_of(state), twist), vectors(a, rate), still)
+
+
 def link_pair(link: Link, bodies: Motion) -> jt.Pair:
     return jt.pair(link, bodies[link.a.body], bodies[link.b.body])
 
 
-def _axis(t: TreeJoint, bodies: Motion, frame: str, k: int) -> Jet:
+def unit_twists(sys: System) -> list[jt.Vectors]:
+    """Every body moved alone: (6 nb, 3) each, ground last."""
+    v, w = split(np.eye(6 * sys.nb))
+    zero = jet(np.zeros((6 * sys.nb, 3)))
+    return [*((jet(v[:, i]), jet(w[:, i])) for i in range(sys.nb)), (zero, zero)]
+
+
+def _axis(t: TreeJoint, bodies: Motion, row: Row) -> Jet:
     """A coordinate's axis (1, 3) in the world, with the sign that makes it the motion of the outer body."""
-    link = t.link
-    m = link.a if (frame == "a" or (frame == "inner" and t.sign > 0)) else link.b
-    return t.sign * column(bodies[m.body][1] @ m.F, k)
+    a, b = t.link.a, t.link.b
+    m = b if row[0] == "beta" or (t.sign < 0 and t.link.kind != "universal") else a
+    return t.sign * column(bodies[m.body][1] @ m.F, row[1])
 
 
-def tree_twists(sys: System, bodies: Motion) -> list[tuple[Jet, Jet]]:
+def tree_twists(sys: System, bodies: Motion) -> list[jt.Vectors]:
     """Jets of B' body by body, ground last: (translations of the centre of mass, rotations), each (ny, 3), world axes.
 
     q_j = T(c_j - c_i) q_i + T(-(P - c_j)) diag(R, R) D delta (docs/theory.md (5.8)), joints from ground outwards.
@@ -216,9 +268,9 @@ def tree_twists(sys: System, bodies: Motion) -> list[tuple[Jet, Jet]]:
         m = t.link.b if t.sign > 0 else t.link.a
         arm = -(m.s[None, :] @ R.T)
         trans = trans + cross(rot, centre - bodies[t.inner][0])
-        for i, (_, kind, frame, k) in enumerate(t.coordinates):
-            select, axis = one[:, t.start + i, None], _axis(t, bodies, frame, k)
-            if kind == "t":
+        for i, row in enumerate(t.coordinates):
+            select, axis = one[:, t.start + i, None], _axis(t, bodies, row)
+            if row[0] == "u":
                 trans = trans + select @ axis
             else:
                 rot, trans = rot + select @ axis, trans + select @ (cross(axis, arm) + t.link.pitch * axis)
@@ -226,7 +278,7 @@ def tree_twists(sys: System, bodies: Motion) -> list[tuple[Jet, Jet]]:
     return twists
 
 
-def _modal_twist(t: TreeJoint, bodies: Motion, inner: tuple[Jet, Jet], one: Array) -> tuple[Jet, Jet]:
+def _modal_twist(t: TreeJoint, bodies: Motion, inner: jt.Vectors, one: Array) -> jt.Vectors:
     """The twist of a node from that of its frame, or the other way round. ``one``: rows of all coordinates from the first
     modal one on.
 
@@ -267,8 +319,8 @@ def _moved(t: TreeJoint, u: Array, R: Array, y: Array) -> tuple[Array, Array]:
         alpha, beta = so3.exp(s * y[0] * e[2]), so3.exp(s * y[1] * e[0])
         return u, (alpha @ R @ beta if s > 0 else beta @ R @ alpha)
     turn = np.zeros(3, dtype=y.dtype)
-    for value, (_, kind, _, k) in zip(y, t.coordinates, strict=True):
-        if kind == "t":
+    for value, (kind, k, _) in zip(y, t.coordinates, strict=True):
+        if kind == "u":
             u[k] += s * value
         else:
             turn[k] = s * value

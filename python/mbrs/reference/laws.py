@@ -52,36 +52,35 @@ def memory_size(code: int, n: int) -> int:
     return {JENKINS: 1, IWAN: n // 2}.get(code, 0)
 
 
-def force(code: int, p: Array, u: Any, v: Any, z: Array) -> Answer:
-    """The law at displacement u, rate v and memory z; the slopes hold the memory."""
+def force(code: int, p: Array, u: Any, v: Any, z: Any = (), phase: Any = 0.0) -> Answer:
+    """The law at displacement u, rate v, memory z and phase of the excitation, which broadcast; the slopes hold the memory."""
     if code == CUBIC:
         return p[0] * u**3, 3 * p[0] * u**2, 0.0, []
     if code == POLYNOMIAL:
-        f, k = _polynomial(p, u)
-        return f, k, 0.0, []
+        return *_polynomial(p, u), 0.0, []
     if code == POLYNOMIAL_RATE:
         (f, k), (g, c) = _polynomial(p[: len(p) // 2], u), _polynomial(p[len(p) // 2 :], v)
         return f + g, k, c, []
     if code in (GAP, GAP_BOTH):
-        f, k = _gap(u, *p)
-        if code == GAP_BOTH:
-            g, other = _gap(-u, *p)
-            f, k = f - g, k + other
-        return f, k, 0.0, []
+        (f, k), (g, other) = _gap(u, *p), _gap(-u, *p)
+        return (f, k, 0.0, []) if code == GAP else (f - g, k + other, 0.0, [])
     if code == COULOMB:
         t = np.tanh(v / p[1])
         return p[0] * t, 0.0, p[0] / p[1] * (1 - t * t), []
     if code == HERTZ:
-        d = u - p[2]
-        return (p[0] * d ** p[1], p[0] * p[1] * d ** (p[1] - 1), 0.0, []) if np.real(d) > 0 else (0.0, 0.0, 0.0, [])
+        touches = np.real(u - p[2]) > 0
+        d = np.where(touches, u - p[2], 1.0)
+        return touches * p[0] * d ** p[1], touches * p[0] * p[1] * d ** (p[1] - 1), 0.0, []
+    if code == TABLE:
+        return *_table(p[: len(p) // 2], p[len(p) // 2 :], u), 0.0, []
     if code == VAN_DER_POL:
         return p[0] * u**2 * v, 2 * p[0] * u * v, p[0] * u**2, []
     if code in (JENKINS, IWAN):
         return _sliders(p, u, z)
     if code == VARYING:
-        k = p[0] * np.cos(p[2])
+        k = p[0] * np.cos(p[1] * phase + p[2])
         return k * u, k, 0.0, []
-    raise ModelError(f"mbrs.reference has no law of the code {code} on joints and elements")
+    raise ModelError(f"mbrs.reference has no law of the code {code}")
 
 
 def _polynomial(c: Array, x: Any) -> tuple[Any, Any]:
@@ -95,25 +94,31 @@ def _polynomial(c: Array, x: Any) -> tuple[Any, Any]:
 def _gap(u: Any, k: Any, gap: Any, smoothing: Any) -> tuple[Any, Any]:
     d = u - gap
     if np.real(smoothing) == 0:
-        return (k * d, k) if np.real(d) > 0 else (0.0, 0.0)
+        return k * d * (np.real(d) > 0), k * (np.real(d) > 0)
     root = np.sqrt(d * d + smoothing * smoothing)
     return 0.5 * k * (d + root), 0.5 * k * (1 + d / root)
 
 
-def _sliders(p: Array, u: Any, z: Array) -> Answer:
+def _table(x: Array, y: Array, u: Any) -> tuple[Any, Any]:
+    """Monotone between the points, straight beyond them; real numbers only."""
+    from scipy.interpolate import PchipInterpolator
+
+    spline, inside = PchipInterpolator(x, y), np.clip(u, x[0], x[-1])
+    slope = spline.derivative()(inside)
+    return spline(inside) + slope * (u - inside), slope
+
+
+def _sliders(p: Array, u: Any, z: Any) -> Answer:
     """Springs k_i that end in sliders at z_i, which let go at the force f_i."""
     f: Any = 0.0
     slope: Any = 0.0
     after = []
-    for i, (k, slip) in enumerate(p.reshape(-1, 2)):
-        trial = k * (u - z[i])
-        if abs(np.real(trial)) <= np.real(slip):
-            f, slope = f + trial, slope + k
-            after.append(z[i])
-        else:
-            here = slip if np.real(trial) > 0 else -slip
-            f = f + here
-            after.append(u - here / k)
+    for (k, slip), place in zip(p.reshape(-1, 2), z, strict=True):
+        trial = k * (u - place)
+        sticks = np.abs(np.real(trial)) <= np.real(slip)
+        here = np.where(sticks, trial, np.where(np.real(trial) > 0, slip, -slip))
+        f, slope = f + here, slope + k * sticks
+        after.append(np.where(sticks, place, u - here / k))
     return f, slope, 0.0, after
 
 

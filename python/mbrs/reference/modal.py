@@ -69,21 +69,6 @@ def modes(
     return Modes(s, roots, f, zeta, shape, left, groups, defective, symmetric)
 
 
-def constrained_roots(M: Any, D: Any, S: Any, W: Any, P: Any) -> Array:
-    """The 2n - n_v roots of M y" + D y' + S y + W^T mu = 0, W y' + P y = 0, ascending in modulus.
-
-    With W Z = 0 and X = W^+ P: y' = Z z - X y, and Z^T (M (Z z' - X y') + D y' + S y) = 0.
-    """
-    M, D, S, W, P = (np.asarray(A, dtype=float) for A in (M, D, S, W, P))
-    Z = np.linalg.svd(W)[2][np.linalg.matrix_rank(W) :].T
-    X = np.linalg.pinv(W) @ P
-    E = D - M @ X
-    top = np.hstack([-X, Z])
-    bottom = -np.linalg.solve(Z.T @ M @ Z, Z.T @ np.hstack([S - E @ X, E @ Z]))
-    roots = np.linalg.eigvals(np.vstack([top, bottom]))
-    return roots[np.argsort(np.abs(roots), kind="stable")]
-
-
 def _hat(L: Array, X: Array) -> Array:
     return np.linalg.solve(L, np.linalg.solve(L, X).T).T
 

@@ -16,9 +16,10 @@ from . import so3
 from .assembly import cut_jacobian, twist_map
 from .flexible import height
 from .jets import Jet, stack
-from .kinematics import State, System, link_pair, motion, tree_twists
+from .kinematics import State, System, link_pair, motion, moving, split, tree_twists, twists_of, unit_twists
 from .laws import BoundLaw
-from .linearize import Linearization, split
+from .linearize import Linearization
+from .rows import FREE
 from .so3 import Array
 
 
@@ -62,16 +63,11 @@ def explicit_rates(sys: System) -> tuple[Array, Array]:
     return both[:, 0], both[:, 1]
 
 
-def mass(sys: System, state: State, T: Array) -> Array:
-    """T^T M T."""
-    return T.T @ dyn.inertia_tangents(sys, state, np.zeros(6 * sys.nb))[2] @ T
-
-
 def increment_rates(sys: System, increment: Array, rate: Array) -> Array:
     """Rates of the increments: theta' = J_l^-1(theta) omega where three rotations act together, y' elsewhere."""
     out = np.array(rate)
     for t in sys.tree:
-        if t.link.kind in ("spherical", "free"):
+        if t.turns_freely:
             last = slice(t.stop - 3, t.stop)
             out[last] = so3.left_jacobian_inverse(t.sign * increment[last]) @ rate[last]
     return out
@@ -88,24 +84,21 @@ def remember(sys: System, m: Motion) -> Array:
     for link in dyn.forcing_links(sys):
         if link.turns is not None:
             places = jt.angle_places(link.kind)
-            e = jt.continued_values(link, link_pair(link, bodies), m.memory)[places]
-            out[link.turns : link.turns + len(places)] = e + (link.length if link.kind == "torsion" else 0.0)
+            e = jt.coordinate_values(link, link_pair(link, bodies), m.memory)[places]
+            out[link.turns : link.turns + len(places)] = e + jt.natural_value(link)
     return out
 
 
 def law_motions(sys: System, state: State, memory: Array | None = None) -> list[tuple[BoundLaw, Array, Array, Array]]:
     """Every law with its displacement, rate and the row (6 nb,) that makes its rate from the twists of the bodies."""
-    bodies, v, out = motion(state), dyn.twists_of(state), []
+    bodies, v, unit, out = motion(state), twists_of(state), unit_twists(sys), []
     for link in dyn.forcing_links(sys):
         if not link.laws:
             continue
         p = link_pair(link, bodies)
-        on = dyn.reach(link, jt.coordinate_rows(link.kind, p), p)
-        e = jt.continued_values(link, p, memory)
-        for law in link.laws:
-            row = np.zeros(6 * sys.nb, dtype=np.result_type(on.J.value, float))
-            row[on.columns] = on.J.value[on.kept, law.component]
-            out.append((law, e[law.component], row @ v, row))
+        rows = jt.slopes(FREE[link.kind], p).value @ p.twist(unit[link.a.body], unit[link.b.body]).value.T
+        e = jt.coordinate_values(link, p, memory)
+        out += [(law, e[i], rows[i] @ v, rows[i]) for law in link.laws for i in [law.component]]
     return out
 
 
@@ -123,11 +116,12 @@ def positions(sys: System, m: Motion) -> Array:
 def energy(sys: System, m: Motion) -> float:
     """Kinetic energy, that of weight, and that of linear springs."""
     state = with_rates(sys, m)
-    v, bodies = dyn.twists_of(state), motion(state)
-    total = 0.5 * v @ dyn.inertia_tangents(sys, state, np.zeros(6 * sys.nb))[2] @ v
+    v, bodies = twists_of(state), motion(state)
+    momentum = dyn.inertia(sys, moving(state.at_rest, v)).value[0]
+    total = 0.5 * v @ momentum
     total = total - sum(b.mass * sys.gravity @ state.r[i] for i, b in enumerate(sys.bodies))
     for body in sys.flexible:
-        q = body.coordinates(state.r)
+        q = body.held(state.r)
         total = total + 0.5 * q @ body.K @ q - height(body, state, sys.gravity)
     for link in dyn.forcing_links(sys):
         e = jt.coordinate_values(link, link_pair(link, bodies))

@@ -12,7 +12,7 @@ import numpy as np
 
 from ..errors import ModelError
 from . import so3
-from .rows import imposed_row
+from .rows import FREE
 from .so3 import Array
 from .time_functions import TimeFunction, read_motions
 
@@ -215,7 +215,7 @@ def read_imposed(t: Mapping[str, Any], x: Array, joints: list[Link]) -> list[Lin
     none = np.zeros((6, 6))
 
     def link(name: str, kind: str, joint: Link, coordinate: int) -> Link:
-        return Link(name, kind, joint.a, joint.b, none, none, np.zeros(6), row=imposed_row(joint.kind, coordinate))
+        return Link(name, kind, joint.a, joint.b, none, none, np.zeros(6), row=FREE[joint.kind][coordinate])
 
     for name, joint, coordinate, motion in zip(
         *(t.get(f"drive_{k}", ()) for k in ("name", "joint", "coordinate", "motion")), strict=True

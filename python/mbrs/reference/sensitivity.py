@@ -5,7 +5,7 @@ docs/theory.md (9.5) to (9.7).
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
@@ -14,7 +14,7 @@ from ..errors import NotDifferentiableError
 from . import so3
 from .assembly import assemble
 from .kinematics import State, System, first_guess
-from .linearize import Linearization, linearize
+from .linearize import Linearization, Matrices, linearize
 from .modal import Modes, _largest
 from .so3 import Array
 
@@ -22,28 +22,11 @@ STEP = 1e-30
 
 
 @dataclass
-class Derivative:
-    """d/dp of everything real at the linearisation state: matrices, T, centres of mass, rotations (world vectors),
-    multipliers.
-    """
+class Derivative(Matrices):
+    """d/dp of everything real at the linearisation state: matrices, centres of mass, rotations (world vectors)."""
 
-    M: Array
-    C: Array
-    G: Array
-    K: Array
-    N: Array
-    T: Array
     position: Array
     rotation: Array
-    lam: Array
-
-    @property
-    def D(self) -> Array:
-        return self.C + self.G
-
-    @property
-    def S(self) -> Array:
-        return self.K + self.N
 
 
 def drawn_and_assembled(sys: System) -> State:
@@ -74,18 +57,15 @@ def derivative(
 
     s = lin.state
     turn = so3.vee(rate(s.R) @ np.swapaxes(s.R.real, -1, -2))
-    M, C, G, K, N, T, r, lam = (rate(a) for a in (lin.M, lin.C, lin.G, lin.K, lin.N, lin.T, s.r, lin.lam))
-    return lin, Derivative(M, C, G, K, N, T, r, turn, lam)
+    matrices = {f.name: rate(getattr(lin, f.name)) for f in fields(Matrices)}
+    return lin, Derivative(**matrices, position=rate(s.r), rotation=turn)
 
 
 def real_part(lin: Linearization) -> Linearization:
     """The linearisation without the imaginary parts of a complex step."""
-    out = replace(lin)
-    for name in ("M", "C", "G", "K", "N", "T", "residual", "lam", "W", "P"):
-        setattr(out, name, getattr(lin, name).real)
+    real = {f.name: getattr(lin, f.name).real for f in fields(Matrices)}
     s = lin.state
-    out.state = State(s.r.real, s.R.real, s.v.real, s.w.real)
-    return out
+    return replace(lin, **real, residual=lin.residual.real, state=State(s.r.real, s.R.real, s.v.real, s.w.real))
 
 
 def _slopes(lin: Linearization, d: Derivative, s: complex) -> tuple[Array, Array, Array]:

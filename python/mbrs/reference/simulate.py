@@ -15,14 +15,13 @@ import numpy as np
 
 from . import dynamics as dyn
 from .assembly import constraint_values, scales
-from .kinematics import State, System, advance
+from .kinematics import State, System, advance, moving, twists_of
 from .linear import RANK_TOLERANCE
 from .motion import (
     Motion,
     energy,
     explicit_rates,
     increment_rates,
-    mass,
     positions,
     remember,
     tree_map,
@@ -75,28 +74,14 @@ def rows(sys: System, m: Motion) -> tuple[Array, Array]:
     return phi, J
 
 
-def row_bias(sys: System, m: Motion) -> Array:
-    """J' v + Phi_tt: what J v' must cancel."""
-    turning = tree_map(sys, with_rates(sys, m), moving=True)[1].derivative(1).T @ m.rate
-    return turning + explicit_rates(sys)[1]
-
-
 def row_rates(sys: System, rate: Array, J: Array) -> Array:
     """J v + Phi_t."""
     return J @ rate + explicit_rates(sys)[0]
 
 
-def residual(sys: System, m: Motion, a: Array, lam: Array) -> Array:
-    """M a + h + J^T lam (ny,)."""
-    state = with_rates(sys, m)
-    T, Jt = tree_map(sys, state, moving=True)
-    twist_rates = T.derivative(1) @ m.rate + T.value @ a
-    return T.value.T @ dyn.applied_residual(sys, state, twist_rates, memory=m.memory) + Jt.value @ lam
-
-
 def mass_matrix(sys: System, m: Motion) -> Array:
     """M (ny, ny)."""
-    return mass(sys, m.state, tree_map(sys, m.state)[0].value)
+    return dyn.mass(sys, m.state, tree_map(sys, m.state)[0].value)
 
 
 def least_norm(A: Array, b: Array) -> Array:
@@ -134,13 +119,18 @@ def align(sys: System, m: Motion) -> Motion:
 
 def acceleration(sys: System, m: Motion) -> tuple[Array, Array]:
     """v' and lam of [M J^T; J 0] [v'; lam] = [-h; -J' v - Phi_tt] (docs/theory.md (3.9))."""
-    M, J = mass_matrix(sys, m), rows(sys, m)[1]
-    free = np.linalg.solve(M, -residual(sys, m, np.zeros(sys.ny), np.zeros(len(J))))
+    state = with_rates(sys, m)
+    T, Jt = tree_map(sys, state, moving=True)
+    now, J = moving(state, T.derivative(1) @ m.rate, rate=T.value.T), Jt.value.T
+    pushed = dyn.inertia(sys, now)
+    f = dyn.elements(sys, now, memory=m.memory) - dyn.loads(sys, now) + pushed
+    M = T.value.T @ pushed.derivative_along(sys.ny)[:, 0].T
+    free = np.linalg.solve(M, -T.value.T @ f.value[0])
     if len(J) == 0:
         return free, np.zeros(0)
-    s = scales(sys)[0]
+    s, bias = scales(sys)[0], Jt.derivative(1).T @ m.rate + explicit_rates(sys)[1]
     A = np.linalg.solve(np.linalg.cholesky(M), (s[:, None] * J).T).T
-    lam = s * least_norm(A @ A.T, s * (J @ free + row_bias(sys, m)))
+    lam = s * least_norm(A @ A.T, s * (J @ free + bias))
     return free - np.linalg.solve(M, J.T @ lam), lam
 
 
@@ -155,7 +145,7 @@ def begin(sys: System, state: State, rate: Array | None = None) -> Instant:
     """A consistent start at t = 0 with sliders centred; rates from the state's velocities unless they are given."""
     sys.t = 0.0
     if rate is None:
-        rate = np.linalg.lstsq(tree_map(sys, state)[0].value, dyn.twists_of(state), rcond=None)[0]
+        rate = np.linalg.lstsq(tree_map(sys, state)[0].value, twists_of(state), rcond=None)[0]
     return consistent(sys, 0.0, Motion(state, np.asarray(rate, dtype=float), np.zeros(sys.n_memory)))
 
 
@@ -170,8 +160,8 @@ def simulate(
     """The motion at ``times`` (s, ascending, from 0) by a method of SciPy's ``solve_ivp``; closed and aligned at every one.
 
     The unknowns between two times are increments of all tree coordinates from the first of them, theta' = J_l^-1(theta) v for
-    three rotations that act together, and rates v with the rows at acceleration level. So no ball joint or free body may turn
-    by pi between two times. Sliders of laws move at the times only. Scenes of a few bodies: the equations are plain NumPy.
+    three rotations that act together, and rates v with the rows at acceleration level; they begin anew where such a rotation has
+    come a radian far. Sliders of laws move at the times only. Scenes of a few bodies: the equations are plain NumPy.
 
     Examples
     --------
@@ -184,21 +174,32 @@ def simulate(
     """
     from scipy.integrate import solve_ivp
 
+    free = np.array(
+        [t.start + k for t in sys.tree if t.turns_freely for k in range(len(t.coordinates) - 3, len(t.coordinates))]
+    )
+
+    def turned(t: float, z: Array) -> float:
+        """Zero where a rotation vector has come a radian far: there the increments begin anew."""
+        return 1.0 - float(np.max(np.abs(z[free]), initial=0.0)) if len(free) else 1.0
+
+    turned.terminal = True  # type: ignore[attr-defined]
     history = History([start if isinstance(start, Instant) else begin(sys, start)])
+    now = history.instants[-1]
     for end in np.asarray(times, dtype=float):
-        now = history.instants[-1]
-        if end <= now.t:
-            continue
+        while now.t < end:
 
-        def slope(t: float, z: Array, now: Instant = now) -> Array:
-            sys.t = t
-            y, rate = np.split(z, 2)
+            def slope(t: float, z: Array, now: Instant = now) -> Array:
+                sys.t = t
+                y, rate = np.split(z, 2)
+                m = Motion(advance(sys, now.motion.state, y), rate, now.motion.memory)
+                return np.concatenate([increment_rates(sys, y, rate), acceleration(sys, m)[0]])
+
+            z = np.concatenate([np.zeros(sys.ny), now.motion.rate])
+            atol = 1e-2 * rtol * max(1.0, float(np.max(np.abs(z), initial=0.0)))
+            found = solve_ivp(slope, (now.t, end), z, method=method, rtol=rtol, atol=atol, events=turned)
+            y, rate = np.split(found.y[:, -1], 2)
             m = Motion(advance(sys, now.motion.state, y), rate, now.motion.memory)
-            return np.concatenate([increment_rates(sys, y, rate), acceleration(sys, m)[0]])
-
-        z = np.concatenate([np.zeros(sys.ny), now.motion.rate])
-        atol = 1e-2 * rtol * max(1.0, float(np.max(np.abs(z), initial=0.0)))
-        y, rate = np.split(solve_ivp(slope, (now.t, end), z, method=method, rtol=rtol, atol=atol).y[:, -1], 2)
-        m = Motion(advance(sys, now.motion.state, y), rate, now.motion.memory)
-        history.instants.append(advance_memory(sys, consistent(sys, end, m)))
+            now = advance_memory(sys, consistent(sys, float(found.t[-1]), m))
+        if now.t > history.instants[-1].t:
+            history.instants.append(now)
     return history

@@ -26,6 +26,11 @@ def skew(a: Array) -> Array:
     return s
 
 
+def cross(a: Array, b: Array) -> Array:
+    """a x b of vectors (..., 3)."""
+    return a[..., [1, 2, 0]] * b[..., [2, 0, 1]] - a[..., [2, 0, 1]] * b[..., [1, 2, 0]]
+
+
 def vee(s: Array) -> Array:
     """The vector of the skew part of s."""
     return 0.5 * np.stack([s[..., 2, 1] - s[..., 1, 2], s[..., 0, 2] - s[..., 2, 0], s[..., 1, 0] - s[..., 0, 1]], -1)

@@ -9,8 +9,8 @@ import numpy as np
 
 from ..errors import ConvergenceError, ModelError
 from .assembly import assemble, twist_map
-from .kinematics import State, System, advance, first_guess, motion
-from .linearize import Linearization, linearize, split
+from .kinematics import State, System, advance, first_guess, motion, split
+from .linearize import Linearization, linearize
 from .so3 import Array
 
 

@@ -9,25 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from .reader import Body, Link, Marker
+from .rows import FREE, Row, coordinate_name
 
 ALWAYS_CUT = ("distance", "knife_edge", "rolling_disc", "point_on_line")
 NEVER_CANDIDATE = ("free", *ALWAYS_CUT)
-
-# motion of b relative to a: (ending of the name, "t" or "r", frame "inner" "a" "b", axis)
-_T = [("x", "t", "inner", 0), ("y", "t", "inner", 1), ("z", "t", "inner", 2)]
-_R = [("rx", "r", "inner", 0), ("ry", "r", "inner", 1), ("rz", "r", "inner", 2)]
-COORDINATES: dict[str, list[tuple[str, str, str, int]]] = {
-    "fixed": [],
-    "revolute": [_R[2]],
-    "prismatic": [_T[2]],
-    "cylindrical": [_T[2], _R[2]],
-    "universal": [("alpha", "r", "a", 2), ("beta", "r", "b", 0)],
-    "spherical": _R,
-    "planar": [_T[0], _T[1], _R[2]],
-    "free": _T + _R,
-    "screw": [_R[2]],
-    "modal": [],
-}
 
 
 @dataclass
@@ -41,8 +26,18 @@ class TreeJoint:
     start: int
 
     @property
-    def coordinates(self) -> list[tuple[str, str, str, int]]:
-        return COORDINATES[self.link.kind]
+    def coordinates(self) -> list[Row]:
+        return FREE[self.link.kind]
+
+    @property
+    def translations(self) -> list[int]:
+        """Axes of the inner marker along which the outer one is free."""
+        return [row[1] for row in self.coordinates if row[0] == "u"]
+
+    @property
+    def turns_freely(self) -> bool:
+        """True where three rotations act together."""
+        return self.link.kind in ("spherical", "free")
 
     @property
     def stop(self) -> int:
@@ -52,7 +47,7 @@ class TreeJoint:
     def names(self) -> list[str]:
         if len(self.coordinates) == 1:
             return [self.link.name]
-        return [f"{self.link.name}.{c[0]}" for c in self.coordinates]
+        return [f"{self.link.name}.{coordinate_name(self.link.kind, row)}" for row in self.coordinates]
 
 
 def implicit_free_joint(body: int, b: Body) -> Link:

@@ -73,7 +73,7 @@ def root(
     tol: float = 1e-10,
     plain: bool = False,
     jac0: str | ArrayLike | None = None,
-    inverse0: Any = None,
+    inverse0: ArrayLike | None = None,
     x_scale: ArrayLike = 1.0,
     f_scale: ArrayLike | str = 1.0,
     maxiter: int = 500,

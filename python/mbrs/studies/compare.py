@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
@@ -16,10 +16,16 @@ from .._lib.text import number
 from ..errors import ModelError
 from ..linear.equilibrium import Equilibrium
 from ..linear.frf import FrfResult
+from ..linear.linear_system import LinearSystem
 from ..linear.linearization import Linearization
 from ..linear.modal_result import ModalResult
+from ..linear.response import ResponseResult
+from ..linear.steady import SteadyMotion
 from ..motion.trajectory import Trajectory
 from ..nonlinear.periodic import PeriodicSolution
+from ..nonlinear.quasi_periodic import QuasiPeriodicSolution
+from ..nonlinear.quasi_periodic_curves import QuasiPeriodicResponse
+from ..nonlinear.response_curve import FrequencyResponse
 from ..reference import hbm_balance
 from ..reference.assembly import assemble
 from ..reference.kinematics import first_guess
@@ -108,7 +114,7 @@ class Comparison(Result):
         return bool(np.all(self.agree))
 
 
-def compare(found: Any) -> Comparison:
+def compare(found: Result) -> Comparison:
     """Compute a result once more by the NumPy reference, which shares no code with the core.
 
     The reference writes the equations in absolute coordinates of the centres of mass with all joints as constraints, and takes
@@ -118,7 +124,9 @@ def compare(found: Any) -> Comparison:
     Parameters
     ----------
     found
-        What `mb.linearize`, `mb.modes`, `mb.frf`, `mb.equilibrium`, `mb.harmonic_balance` or `mb.simulate` returned.
+        What `mb.linearize`, `mb.modes`, `mb.frf`, `mb.response`, `mb.equilibrium`, `mb.steady_motion`, `mb.harmonic_balance`,
+        `mb.limit_cycle`, `mb.quasi_periodic`, `mb.frequency_response`, `mb.quasi_periodic_response` (ends and middle of a curve) or
+        `mb.simulate` returned.
 
     Returns
     -------
@@ -128,7 +136,8 @@ def compare(found: Any) -> Comparison:
     Raises
     ------
     ModelError
-        A result of another kind, a model with more than 120 degrees of freedom, a moving model with flexible bodies.
+        A result of another kind (derivatives are compared with differences by `mb.check_gradients`), a model with more than 120
+        degrees of freedom, a moving model with flexible bodies or with laws that slip.
 
     Notes
     -----
@@ -148,7 +157,9 @@ def compare(found: Any) -> Comparison:
             break
     else:
         known = ", ".join(kind.__name__ for kind, _ in _KINDS)
-        raise ModelError(f"compare takes one of {known}, got {shown(found)}")
+        raise ModelError(
+            f"compare takes one of {known}, got {shown(found)}; derivatives are compared by mb.check_gradients"
+        )
     return _comparison(type(found).__name__, rows, _stated(found), time.perf_counter() - start)
 
 
@@ -274,18 +285,30 @@ def _alike(a: np.ndarray, b: np.ndarray) -> float:
     return float(abs(np.vdot(a, b)) ** 2 / (np.vdot(a, a).real * np.vdot(b, b).real))
 
 
-def _transfer(h: FrfResult) -> list[_Row]:
-    linear = h.linear
-    if linear is None or linear.shared or linear.D0 is not None or np.any(linear.order_in):
+def _of_forces(result: FrfResult | ResponseResult) -> tuple[Any, Any, Any, LinearSystem]:
+    """The reference's M, C + G and K + N of a linear system that forces alone excite."""
+    linear = result.linear
+    if (
+        linear is None
+        or linear.shared
+        or linear.D0 is not None
+        or np.any(linear.order_in)
+        or linear.relaxation is not None
+    ):
         raise ModelError(
-            "transfer functions from forces alone are compared; base motion enters the reference in no other way"
+            "responses to forces alone, of laws without states of their own, are compared: base motion enters the reference in no "
+            "other way"
         )
-    M, C, G, K, N = _matrices(linear.source) if linear.source is not None else (linear.M, None, None, linear.S, None)
-    zero = np.zeros_like(M)
-    C, G, N = (zero if X is None else X for X in (C, G, N))
-    if "damping" not in linear.effects:
-        C = zero
-    value = ref.frf(M, C + G, K + N, linear.F, linear.L, h.omega, h.kind)
+    if linear.source is None:
+        zero = np.zeros_like(linear.M)
+        return linear.M, zero if linear.D is None else linear.D, linear.S, linear
+    M, C, G, K, N = (np.zeros((linear.n, linear.n)) if X is None else X for X in _matrices(linear.source))
+    return M, G if "damping" not in linear.effects else C + G, K + N, linear
+
+
+def _transfer(h: FrfResult) -> list[_Row]:
+    M, D, S, linear = _of_forces(h)
+    value = ref.frf(M, D, S, linear.F, linear.L, h.omega, h.kind)
     rows = []
     for o, out in enumerate(h.outputs):
         for i, name in enumerate(h.inputs):
@@ -295,17 +318,44 @@ def _transfer(h: FrfResult) -> list[_Row]:
     return rows
 
 
+def _response(found: ResponseResult) -> list[_Row]:
+    M, D, S, linear = _of_forces(found)
+    assert found.history is not None and found.start is not None
+    y, rate = ref.response(M, D, S, linear.F, found.t, found.history.u, *found.start)
+    pairs = (("displacement", found.displacement, y), ("velocity", found.velocity, rate))
+    return [
+        _row(f"{kind} of {out}", "", core[o], other @ linear.L[o])
+        for kind, core, other in pairs
+        for o, out in enumerate(found.outputs)
+    ]
+
+
+def _steady(found: SteadyMotion) -> list[_Row]:
+    sys = _system(found.linearization.snapshot.tables, found.linearization.n)
+    lin, torque = ref.steady_motion(sys, found.speed, without=found.linearization.without)
+    names = [name for name in sys.coordinates if name in found.speed]
+    # a torque that vanishes is nothing beside the stiffness over a radian
+    size = float(np.abs(lin.S).max(initial=0.0))
+    core = np.array([found.torque[name] for name in names])
+    return [_row("torque or force of the drives", "N m, N", core, torque, size)] + _places(sys, lin.state, found.poses)
+
+
+def _places(sys: Any, state: Any, poses: Any) -> list[_Row]:
+    """Positions of the bodies' origins, and rotations."""
+    n = len(poses["position"])
+    arm = np.einsum("nij,nj->ni", state.R[:n].real, np.array([b.com for b in sys.bodies[:n]]).reshape(-1, 3))
+    return [
+        _row("position", "m", poses["position"], state.r[:n].real - arm, sys.length),
+        _row("rotation matrix", "1", poses["rotation"], state.R[:n].real),
+    ]
+
+
 def _equilibrium(found: Equilibrium) -> list[_Row]:
     lin = found.linearization
     sys = _system(lin.snapshot.tables, lin.n)
     start = _state(sys, lin) if not sys.flexible else None
     state, lam, _ = ref.equilibrium(sys, start, without=lin.without)
-    n = len(lin.poses["position"])
-    arm = np.einsum("nij,nj->ni", state.R[:n].real, np.array([b.com for b in sys.bodies[:n]]).reshape(-1, 3))
-    rows = [
-        _row("position", "m", lin.poses["position"], state.r[:n].real - arm, sys.length),
-        _row("rotation matrix", "1", lin.poses["rotation"], state.R[:n].real),
-    ]
+    rows = _places(sys, state, lin.poses)
     wrenches = ref.reactions(sys, state, lam)
     names = [name for name, wrench in found.reactions.items() if name in wrenches and np.size(wrench) == 6]
     if names:
@@ -323,16 +373,56 @@ def _periodic(found: PeriodicSolution) -> list[_Row]:
     _check_size(found.system.n)
     harmonics = [h for h in found.harmonics if h > 0]
     columns = [0, *(i for h in harmonics for i in (2 * h - 1, 2 * h))]
+    given = found.X[:, columns]
+    terms = found.force.items() if isinstance(found.force, Mapping) else [(1, found.force)]
+    if not any(np.any(np.asarray(f)) for h, f in terms if h > 0):
+        X, omega = hbm_balance.limit_cycle(found.system, found.force, found.omega, harmonics, found.n_samples, given)
+        return [
+            _row("Fourier coefficients", "m, rad", given, X),
+            _row("frequency of the cycle", "rad/s", found.omega, omega),
+        ]
     X = hbm_balance.harmonic_balance(
-        found.system, found.force, found.omega, harmonics, found.n_samples, found.X[:, columns], found.subharmonic
+        found.system, found.force, found.omega, harmonics, found.n_samples, given, found.subharmonic
     )
-    return [_row("Fourier coefficients", "m, rad", found.X[:, columns], X)]
+    return [_row("Fourier coefficients", "m, rad", given, X)]
+
+
+def _torus(found: QuasiPeriodicSolution) -> list[_Row]:
+    system = found.system
+    if system is None or not all("force" in source for source in found.forces):
+        raise ModelError("a quasi-periodic solution of a MechanicalSystem is compared; this one is of a model's ports")
+    _check_size(system.n)
+    indices = np.asarray(found.indices)
+    terms = np.zeros((len(indices) + 1, system.n), complex)
+    terms[0] = 0.0 if found.static is None else found.static
+    for i, source in enumerate(found.forces):
+        place = np.flatnonzero(np.all(indices == np.eye(len(found.omega), dtype=int)[i], axis=1))
+        terms[1 + place[0]] = source["force"]
+    n_samples = found.n_samples or 4 * np.abs(indices).max(axis=0) + 2
+    X = hbm_balance.quasi_periodic(system, terms, found.omega, indices, n_samples, found.X)
+    return [_row("Fourier coefficients", "m, rad", found.X, X)]
+
+
+def _ends_and_middle(curve: FrequencyResponse | QuasiPeriodicResponse) -> list[_Row]:
+    one = _periodic if isinstance(curve, FrequencyResponse) else _torus
+    chosen = sorted({0, len(curve) // 2, len(curve) - 1})
+    return [
+        replace(row, name=f"{row.name}, point {i}")
+        for i in chosen
+        for row in one(curve.point(i))  # type: ignore[arg-type]
+    ]
 
 
 def _motion(traj: Trajectory) -> list[_Row]:
     sys = _system(traj.snapshot.tables, traj.rate.shape[1])
     if sys.flexible:
         raise ModelError("motions of flexible bodies are not compared: mb.compare(mb.modes(m)) checks their matrices")
+    for link in (*sys.elements, *sys.joints):
+        if any(law.n_memory for law in link.laws):
+            raise ModelError(
+                f"{link.name!r} has a law that slips; SciPy steps over its changes, so that its motion is not compared: mb.compare of "
+                "mb.harmonic_balance checks the law"
+            )
     start = traj.state(float(traj.t[0]))
     state = _state_at(sys, traj.snapshot.system.bodies(start.q, start.rate))
     chosen = np.unique(np.linspace(0, len(traj.t) - 1, _TIMES + 1).astype(int))
@@ -352,7 +442,12 @@ _KINDS: list[tuple[type, Callable[[Any], list[_Row]]]] = [
     (Linearization, _linearization),
     (ModalResult, _modes),
     (FrfResult, _transfer),
+    (ResponseResult, _response),
     (Equilibrium, _equilibrium),
+    (SteadyMotion, _steady),
     (PeriodicSolution, _periodic),
+    (QuasiPeriodicSolution, _torus),
+    (FrequencyResponse, _ends_and_middle),
+    (QuasiPeriodicResponse, _ends_and_middle),
     (Trajectory, _motion),
 ]

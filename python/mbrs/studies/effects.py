@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+    from ..model.model import Model
+
 __all__ = ["EffectRow", "EffectStudy", "effect_study"]
 
 
@@ -111,7 +113,7 @@ class EffectStudy(Result):
 
 def effect_study(
     fun: Callable[..., Any],
-    model: Any,
+    model: Model,
     *args: Any,
     repeat: int = 3,
     measure: Callable[[Any, Any], float] | None = None,

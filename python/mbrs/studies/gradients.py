@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+    from ..model.model import Model
+
 # A derivative that differs from the differences by less than this many times their own error is confirmed.
 _FACTOR = 10.0
 
@@ -62,7 +64,7 @@ class GradientCheck(Result):
 
 def check_gradients(
     analysis: Callable[[Any], Any],
-    m: Any,
+    m: Model,
     parameters: str | Sequence[str],
     *,
     value: Callable[[Any], Any] | None = None,

@@ -120,10 +120,16 @@ impl Entries {
 
     /// The derivative part of a matrix of dual numbers.
     pub fn of(matrix: &DMatrix<Dual64>) -> Self {
-        let mut all = Entries::default();
+        Entries::filled(&slopes(matrix))
+    }
+
+    pub fn filled(matrix: &DMatrix<f64>) -> Self {
+        let count = matrix.iter().filter(|v| **v != 0.0).count();
+        let [rows, columns] = [0, 1].map(|_| Vec::with_capacity(count));
+        let mut all = Entries { rows, columns, values: Vec::with_capacity(count) };
         for j in 0..matrix.ncols() {
             for i in 0..matrix.nrows() {
-                all.push(i, j, matrix[(i, j)].eps);
+                all.push(i, j, matrix[(i, j)]);
             }
         }
         all

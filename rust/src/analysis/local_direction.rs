@@ -11,8 +11,8 @@ use crate::model::geometry::{Geometry, inertia as inertia_of};
 use crate::model::layout::{body, joint};
 use crate::model::tables::Tables;
 use crate::spatial::{Pose, Six, V3};
-use crate::system::connector::{Interaction, Numbers, Wanted, interaction};
-use crate::system::path::{add_tangent, add_wrench};
+use crate::system::connector::{Interaction, Numbers, Wanted, coordinate_tangent, interaction};
+use crate::system::path::{add_slopes, add_tangent, add_wrench, path};
 use crate::system::placement::{Placement, place};
 use crate::system::topology::{Connector, Owner, Topology};
 
@@ -90,8 +90,8 @@ pub fn local_direction(
     let (mut stiffness, mut damping) = (Entries::default(), Entries::default());
     if !touched.connectors.is_empty() {
         let (k, d) = connectors(setting, &placed, &touched.connectors, dx)?;
-        stiffness = Entries::of(&k);
-        damping = Entries::of(&d);
+        stiffness = Entries::filled(&k);
+        damping = Entries::filled(&d);
     }
     Some(Directional {
         mass,
@@ -165,13 +165,16 @@ fn lifted(placed: &Placement<f64>) -> Placement<Dual64> {
     }
 }
 
-/// Stiffness and damping of the touched connectors over dual numbers; None where their forces change.
+/// Changes of stiffness and damping by the touched connectors; None where their forces change.
+///
+/// Numbers that move nothing change slopes alone: these are spread by the paths as they are. Others take all of the connector over dual
+/// numbers.
 fn connectors(
     setting: &Setting<'_>,
     placed: &Placement<f64>,
     touched: &[usize],
     dx: &[(usize, f64)],
-) -> Option<(DMatrix<Dual64>, DMatrix<Dual64>)> {
+) -> Option<(DMatrix<f64>, DMatrix<f64>)> {
     let system = setting.system;
     let topology = &*system.topology;
     let mut x: Vec<Dual64> = system.x.iter().map(|v| Dual64::from(*v)).collect();
@@ -181,6 +184,7 @@ fn connectors(
     let memory: Vec<Dual64> = setting.memory.iter().map(|z| Dual64::from(*z)).collect();
     let geometry = Geometry::derive(&topology.tables, &x);
     let placement = lifted(placed);
+    let numbers = Numbers { x: &x, memory: &memory, t: 0.0 };
     let e = setting.effects;
     let wanted = Wanted {
         tangent: true,
@@ -192,16 +196,37 @@ fn connectors(
     };
     let n = topology.dofs.len();
     let (mut stiffness, mut damping) = (DMatrix::zeros(n, n), DMatrix::zeros(n, n));
-    let mut sums = vec![Six::zero(); topology.nodes.len()];
+    let mut others = Vec::new();
     for c in touched {
-        let numbers = Numbers { x: &x, memory: &memory, t: 0.0 };
-        let acting: Interaction<Dual64> =
-            interaction(topology, &geometry, &placement, numbers, &topology.connectors[*c], wanted);
-        add_tangent(topology, &placement, &acting, true, &mut stiffness, Some(&mut damping));
+        let connector = &topology.connectors[*c];
+        let made = coordinate_tangent(topology, &geometry, &placement, numbers, connector, wanted);
+        if changes(&made.point) || made.gradients.iter().any(|g| changes(&g.l) || changes(&g.a)) {
+            others.push(connector);
+            continue;
+        }
+        if made.force.iter().any(|f| f.eps != 0.0) {
+            return None;
+        }
+        let point = made.point.map(|v| v.re);
+        let gradients: Vec<_> = made.gradients.iter().map(|g| Six::new(g.l.map(|v| v.re), g.a.map(|v| v.re))).collect();
+        let entries = path(topology, placed, connector.a, connector.b, &point);
+        for (slopes, out) in [(&made.k, &mut stiffness), (&made.c, &mut damping)] {
+            add_slopes(&entries, &gradients, &slopes.map(|row| row.map(|v| v.eps)), out);
+        }
+    }
+    if others.is_empty() {
+        return Some((stiffness, damping));
+    }
+    let (mut dual_k, mut dual_d) = (DMatrix::zeros(n, n), DMatrix::zeros(n, n));
+    let mut sums = vec![Six::zero(); topology.nodes.len()];
+    for connector in others {
+        let acting: Interaction<Dual64> = interaction(topology, &geometry, &placement, numbers, connector, wanted);
+        add_tangent(topology, &placement, &acting, true, &mut dual_k, Some(&mut dual_d));
         add_wrench(topology, &placement, &acting, &mut sums);
     }
+    let slopes = |m: &DMatrix<Dual64>| m.map(|v| v.eps);
     let moves = sums.iter().any(|w| changes(&w.l) || changes(&w.a));
-    (!moves).then_some((stiffness, damping))
+    (!moves).then(|| (stiffness + slopes(&dual_k), damping + slopes(&dual_d)))
 }
 
 fn changes(v: &V3<Dual64>) -> bool {

@@ -7,6 +7,7 @@ pub mod equilibrium;
 mod equilibrium_descent;
 pub mod equilibrium_follow;
 pub mod frf;
+pub mod frf_resonances;
 mod frf_routes;
 pub mod frf_sensitivity;
 mod frf_singular;

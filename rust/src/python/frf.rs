@@ -11,6 +11,7 @@ use pyo3::types::PyDict;
 
 use super::border::{counts_dict, interruptible, matrix, to_numpy};
 use crate::analysis::frf::Reduction;
+use crate::analysis::frf_resonances;
 use crate::analysis::frf_sensitivity::{self, Entry, Variation};
 use crate::analysis::history::History;
 use crate::analysis::ports::Ports;
@@ -21,11 +22,34 @@ use crate::linalg::quadratic::Quadratic;
 use crate::memory;
 
 pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    module.add_function(wrap_pyfunction!(resonances, module)?)?;
+    module.add_function(wrap_pyfunction!(unseen_resonances, module)?)?;
+    module.add_function(wrap_pyfunction!(missed_resonances, module)?)?;
     module.add_class::<FrfReduction>()
 }
 
 type M2<'py> = PyReadonlyArray2<'py, f64>;
 type M3<'py> = PyReadonlyArray3<'py, f64>;
+
+type Roots<'py> = PyReadonlyArray1<'py, Complex64>;
+
+/// Poles from `low` to `high` rad/s that make a peak, repeated ones once.
+#[pyfunction]
+fn resonances<'py>(py: Python<'py>, poles: Roots<'py>, low: f64, high: f64) -> Bound<'py, PyArray1<Complex64>> {
+    frf_resonances::resonances(&poles.as_array().to_vec(), low, high).into_pyarray(py)
+}
+
+/// Resonances (rad/s) whose half-power band lies between two neighbours of `omega`.
+#[pyfunction]
+fn unseen_resonances(poles: Roots<'_>, omega: Vec<f64>) -> Vec<f64> {
+    frf_resonances::unseen(&poles.as_array().to_vec(), &omega)
+}
+
+/// Those of the suspects (rad/s) whose peaks (entries, suspects) show beside H (entries, omega), both flat.
+#[pyfunction]
+fn missed_resonances(omega: Vec<f64>, h: Roots<'_>, suspects: Vec<f64>, peaks: Roots<'_>) -> Vec<f64> {
+    frf_resonances::missed(&omega, &h.as_array().to_vec(), &suspects, &peaks.as_array().to_vec())
+}
 
 /// What does not depend on frequency or ports: reduced once, used for any number of evaluations.
 #[pyclass(frozen, module = "mbrs._core")]

@@ -8,10 +8,11 @@ use std::sync::Arc;
 use crate::analysis::gradient::adjoint::{Forward, backward, forward};
 use crate::analysis::gradient::direct::{Sensitivities, direct};
 use crate::analysis::gradient::kinks::{Kink, no_impact};
-use crate::analysis::gradient::march::Rule;
+use crate::analysis::gradient::march::{Quadrature, Rule};
 use crate::analysis::gradient::quantity::{Drawn, Quantity, check};
 use crate::analysis::gradient::{Direction, Follow, Plan, first};
 use crate::analysis::transient::ali3p::Weight;
+use crate::analysis::transient::methods::explicit_serves;
 use crate::analysis::transient::{Equations, Instant, Motion};
 use crate::error::{Error, Result};
 use crate::run::Counts;
@@ -23,6 +24,8 @@ use super::system::{PySystem, effects, state_of};
 pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<MotionForward>()?;
     module.add_function(wrap_pyfunction!(motion_breaks, module)?)?;
+    module.add_function(wrap_pyfunction!(motion_quadrature, module)?)?;
+    module.add_function(wrap_pyfunction!(motion_is_explicit, module)?)?;
     module.add_function(wrap_pyfunction!(motion_directions, module)?)
 }
 
@@ -95,6 +98,7 @@ fn task<'py>(
     let rule = match need::<String>(options, "scheme")?.as_str() {
         "ali3p" => Rule::Ali3p(weight),
         "generalized-alpha" => Rule::Alpha(need(options, "rho")?),
+        "explicit" => Rule::Explicit,
         other => {
             return Err(Error::model(format!("the scheme '{other}' has no sensitivities")).into());
         }
@@ -116,6 +120,7 @@ fn task<'py>(
             rule,
             keep: need(options, "keep")?,
             read: need(options, "read")?,
+            inner: need(options, "inner")?,
             follow: Follow { drawn: need(options, "drawn")?, velocities: need(options, "velocities")?, shift },
         },
         wanted: asked.iter().map(quantity).collect::<Result<_>>()?,
@@ -137,6 +142,35 @@ fn begin(eq: &Equations<'_, f64>, task: &Task, counts: &mut Counts) -> Result<In
 /// (t, element, what) of each.
 fn listed(kinks: &[Kink]) -> Vec<(f64, String, &'static str)> {
     kinks.iter().map(|k| (k.t, k.element.clone(), k.what)).collect()
+}
+
+/// The quadrature of a scheme over each step: what its start and its end count, and (fraction, weight) of nodes inside.
+#[pyfunction]
+fn motion_quadrature(scheme: &str) -> (f64, f64, Vec<(f64, f64)>) {
+    let rule = if scheme == "explicit" { Rule::Explicit } else { Rule::Alpha(1.0) };
+    let Quadrature { ends: [first, last], inner } = rule.quadrature();
+    (first, last, inner)
+}
+
+/// Does the explicit scheme serve a motion from this state to `end`, with fixed steps of length `step` if one is given?
+#[pyfunction]
+#[pyo3(signature = (system, q, rate, memory, without, span, step=None))]
+fn motion_is_explicit<'py>(
+    system: PyRef<'py, PySystem>,
+    q: PyReadonlyArray1<'py, f64>,
+    rate: PyReadonlyArray1<'py, f64>,
+    memory: Vec<f64>,
+    without: Vec<String>,
+    span: (f64, f64),
+    step: Option<f64>,
+) -> PyResult<bool> {
+    let system = &system.0;
+    let mut state = state_of(system, &q, &rate)?;
+    state.rate.resize(system.n_tree(), 0.0);
+    let memory = if memory.len() == system.topology.n_memory { memory } else { system.topology.at_rest(&[]) };
+    let start = Motion { t: span.0, q: state.q, rate: state.rate, memory };
+    let eq = Equations::new(system, system.x.to_vec(), effects(&without)?);
+    Ok(explicit_serves(&eq, start, span.1, step, &mut Counts::default())?)
 }
 
 /// Times after `start` at which a load or a drive is not smooth: a step ends there.
@@ -172,7 +206,7 @@ fn motion_directions<'py>(
     options: &Bound<'py, PyDict>,
 ) -> PyResult<Bound<'py, PyDict>> {
     let task = task(&system.0, &q, &rate, &without, options)?;
-    let n_p = task.directions.len();
+    let (n_p, task_rows) = (task.directions.len(), task.plan.n_values());
     let system = system.0.clone();
     let (found, counts): (Sensitivities, Counts) = interruptible(py, move |cancel| {
         let system = &system;
@@ -185,7 +219,7 @@ fn motion_directions<'py>(
     let out = PyDict::new(py);
     put_instants(&out, &found.instants)?;
     out.set_item("kinks", listed(&found.kinks))?;
-    let (n, w) = (found.instants.len(), found.width);
+    let (n, w) = (task_rows, found.width);
     let (values, derivatives) = (found.values, found.derivatives);
     out.set_item("values", Array2::from_shape_fn((n, w), |(i, k)| values[i * w + k]).into_pyarray(py))?;
     out.set_item(
@@ -230,9 +264,9 @@ impl MotionForward {
         Ok(MotionForward { system, task, run: Arc::new(run), counts })
     }
 
-    /// (n_t, n) the wanted quantities.
+    /// (n_r, n) the wanted quantities: at all instants, then at the nodes inside all steps.
     fn values<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray2<f64>> {
-        let (n, w) = (self.task.plan.times.len(), self.run.width);
+        let (n, w) = (self.task.plan.n_values(), self.run.width);
         Array2::from_shape_fn((n, w), |(i, k)| self.run.values[i * w + k]).into_pyarray(py)
     }
 
@@ -254,7 +288,7 @@ impl MotionForward {
     ) -> PyResult<(Bound<'py, PyArray1<f64>>, Bound<'py, PyDict>)> {
         let (system, task, run) = (self.system.clone(), self.task.clone(), self.run.clone());
         let seeds = seeds.as_array().to_owned();
-        if seeds.shape() != [task.plan.times.len(), run.width] {
+        if seeds.shape() != [task.plan.n_values(), run.width] {
             return Err(Error::model("the seeds do not fit the motion").into());
         }
         let seeds: Vec<f64> = seeds.iter().copied().collect();

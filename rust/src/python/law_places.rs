@@ -13,7 +13,7 @@ use crate::system::topology::Connector;
 struct Place<'a> {
     connector: &'a Connector,
     moved: Vec<(f64, f64)>,
-    tangent: CoordinateTangent,
+    tangent: CoordinateTangent<f64>,
 }
 
 impl Place<'_> {

@@ -78,6 +78,13 @@ impl Segment {
         Ok(None)
     }
 
+    /// The solution at a fraction of the way.
+    pub fn point(&self, curve: &mut dyn Curve, work: &mut Workspace, fraction: f64) -> Result<Option<Point>> {
+        let low = (0.0, 0.0, self.centre.clone());
+        let high = (self.length, 0.0, self.far.clone());
+        Ok(self.between(curve, work, &[fraction], &low, &high)?.map(|(_, point)| point))
+    }
+
     /// Zero of `f`, whose values at the ends have opposite signs, or where it jumps through zero; None where it was not closed in; `f` also sees the linearisation at the trial.
     pub fn zero<C: Curve>(
         &self,

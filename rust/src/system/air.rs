@@ -8,13 +8,13 @@ use crate::system::assemble::Scene;
 use crate::system::connector::{Elastic, Interaction};
 
 /// One section as it is now.
-struct Here<'p, T: Real> {
-    spec: &'p SectionSpec,
-    air: &'p AirGeometry<T>,
+pub struct Here<'p, T: Real> {
+    pub spec: &'p SectionSpec,
+    pub air: &'p AirGeometry<T>,
     /// the velocity that a wake induces, in the section's axes
-    induced: V3<T>,
-    section: Section<'p, T>,
-    place: Place<T>,
+    pub induced: V3<T>,
+    pub section: Section<'p, T>,
+    pub place: Place<T>,
 }
 
 impl<T: Real> Here<'_, T> {
@@ -26,10 +26,18 @@ impl<T: Real> Here<'_, T> {
     fn wrench(&self) -> Six<T> {
         self.section.wrench(&self.place, |p| self.velocity(p))
     }
+
+    /// The wrench about the fixed place of the section's point, after a small displacement and a change of the velocity field there.
+    pub fn wrench_after(&self, xi: &Six<T>, rate: &Six<T>) -> Six<T> {
+        let moved = Here { place: displaced(&self.place, xi, rate), ..*self };
+        let mut w = moved.wrench();
+        w.a += xi.l.cross(&w.l);
+        w
+    }
 }
 
 impl<T: Real> Scene<'_, T> {
-    fn here(&self, index: usize) -> Here<'_, T> {
+    pub fn here(&self, index: usize) -> Here<'_, T> {
         let tables = &self.topology.tables;
         let spec = &tables.sections[index];
         let numbers = &self.geometry.sections[index];
@@ -48,7 +56,8 @@ impl<T: Real> Scene<'_, T> {
         }
     }
 
-    fn airy(&self) -> usize {
+    /// Sections that act.
+    pub fn airy(&self) -> usize {
         if self.effects.aerodynamics { self.topology.tables.sections.len() } else { 0 }
     }
 
@@ -98,17 +107,15 @@ impl<T: Real> Here<'_, T> {
     fn slopes(&self) -> (Slopes<T>, Slopes<T>) {
         let lift = |v: T| Dual::from_re(v);
         let (air, induced) = (self.air.map(&mut { lift }), self.induced.map(lift));
-        let (section, still) = (self.section.map(lift), self.place.map(lift));
+        let here =
+            Here { spec: self.spec, air: &air, induced, section: self.section.map(lift), place: self.place.map(lift) };
         let zero = [[T::zero(); 6]; 6];
         let (mut k, mut c) = (zero, zero);
         for j in 0..6 {
             let along = unit(j).map(|v| Dual::new(T::zero(), v));
             let along = Six::new(V3::from_fn(|i, _| along[i]), V3::from_fn(|i, _| along[3 + i]));
             for (slopes, xi, rate) in [(&mut k, along, Six::zero()), (&mut c, Six::zero(), along)] {
-                let place = displaced(&still, &xi, &rate);
-                let moved = Here { spec: self.spec, air: &air, induced, section, place };
-                let mut w = moved.wrench();
-                w.a += xi.l.cross(&w.l);
+                let w = here.wrench_after(&xi, &rate);
                 for (i, row) in slopes.iter_mut().enumerate() {
                     row[j] = w.get(i).eps;
                 }

@@ -183,31 +183,32 @@ pub fn interaction<T: Real>(
     }
 }
 
-/// Gradients of a connector's coordinates (world axes about `point`), and the slopes of its forces by displacement and rate.
-pub struct CoordinateTangent {
-    pub point: V3<f64>,
-    pub gradients: Vec<Six<f64>>,
-    pub k: [[f64; 6]; 6],
-    pub c: [[f64; 6]; 6],
+/// Gradients of a connector's coordinates (world axes about `point`), the forces along them, and their slopes by displacement and rate.
+pub struct CoordinateTangent<T: Real> {
+    pub point: V3<T>,
+    pub gradients: Vec<Six<T>>,
+    pub force: [T; 6],
+    pub k: [[T; 6]; 6],
+    pub c: [[T; 6]; 6],
     pub damped: bool,
 }
 
 /// The tangent of a connector before it is spread to bodies or coordinates, at rest.
-pub fn coordinate_tangent(
+pub fn coordinate_tangent<T: Real>(
     topology: &Topology,
-    geometry: &Geometry<f64>,
-    placement: &Placement<f64>,
-    numbers: Numbers<'_, f64>,
+    geometry: &Geometry<T>,
+    placement: &Placement<T>,
+    numbers: Numbers<'_, T>,
     connector: &Connector,
     wanted: Wanted,
-) -> CoordinateTangent {
+) -> CoordinateTangent<T> {
     let pair = pair_of(geometry, connector.owner);
     let here = local(topology, placement, connector.a, connector.b, pair);
     let rows: Vec<_> = connector.coordinates.iter().map(|c| here.relative.row(*c)).collect();
     let gradients = rows.iter().map(|r| r.g.rotated(&here.a.r)).collect();
     let e = strains(connector, geometry, numbers, &here, &rows);
-    let slopes = response(connector, numbers, &e, None, wanted);
-    CoordinateTangent { point: here.b.p, gradients, k: slopes.k, c: slopes.c, damped: slopes.damped }
+    let made = response(connector, numbers, &e, None, wanted);
+    CoordinateTangent { point: here.b.p, gradients, force: made.force, k: made.k, c: made.c, damped: made.damped }
 }
 
 /// d(e')/d(xi) at a given relative twist field: (h xi) . v + g_l . (omega x xi_t).

@@ -12,7 +12,7 @@
 use crate::linalg::entries::Entries;
 use crate::model::tables::BodyRef;
 use crate::spatial::{Real, Six, V3, absent};
-use crate::system::connector::{Elastic, Interaction};
+use crate::system::connector::Interaction;
 use crate::system::placement::Placement;
 use crate::system::topology::Topology;
 
@@ -79,9 +79,9 @@ pub fn add_tangent<T: Real, E: Entries<T>>(
 ) {
     let entries = path(topology, placement, interaction.a, interaction.b, &interaction.point);
     if let Some(elastic) = &interaction.elastic {
-        add_elastic(&entries, elastic, &elastic.k, stiffness);
+        add_slopes(&entries, &elastic.gradients, &elastic.k, stiffness);
         if let Some(damping) = damping.as_deref_mut() {
-            add_elastic(&entries, elastic, &elastic.c, damping);
+            add_slopes(&entries, &elastic.gradients, &elastic.c, damping);
         }
     }
     let moving = placement.velocity.is_some() && interaction.damped && damping.is_some();
@@ -92,14 +92,17 @@ pub fn add_tangent<T: Real, E: Entries<T>>(
 }
 
 /// F^T k F with F = g . s S.
-fn add_elastic<T: Real>(entries: &[PathEntry<T>], elastic: &Elastic<T>, k: &[[T; 6]; 6], out: &mut impl Entries<T>) {
-    let n = elastic.gradients.len();
+pub fn add_slopes<T: Real>(entries: &[PathEntry<T>], gradients: &[Six<T>], k: &[[T; 6]; 6], out: &mut impl Entries<T>) {
+    let n = gradients.len();
+    if k[..n].iter().all(|row| row[..n].iter().all(absent)) {
+        return;
+    }
     let strains: Vec<[T; 6]> = entries
         .iter()
         .map(|entry| {
             let s = entry.signed();
             let mut row = [T::zero(); 6];
-            for (r, g) in row.iter_mut().zip(&elastic.gradients) {
+            for (r, g) in row.iter_mut().zip(gradients) {
                 *r = g.dot(&s);
             }
             row

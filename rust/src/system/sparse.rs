@@ -315,7 +315,7 @@ impl Builder<'_> {
     }
 
     /// One row for each principal stiffness. Scaled by its diagonal first, so that the units of a bushing do not mix.
-    fn elastic_rows(&mut self, index: usize, t: &CoordinateTangent, rows: &[Spread]) -> Result<()> {
+    fn elastic_rows(&mut self, index: usize, t: &CoordinateTangent<f64>, rows: &[Spread]) -> Result<()> {
         let n = rows.len();
         let k = |i: usize, j: usize| 0.5 * (t.k[i][j] + t.k[j][i]);
         let diagonal = (0..n).all(|i| (0..n).all(|j| i == j || t.k[i][j] == 0.0));
@@ -372,7 +372,7 @@ impl Builder<'_> {
         }
     }
 
-    fn add_damping(&mut self, t: &CoordinateTangent, rows: &[Spread]) {
+    fn add_damping(&mut self, t: &CoordinateTangent<f64>, rows: &[Spread]) {
         for (i, left) in rows.iter().enumerate() {
             for (j, right) in rows.iter().enumerate() {
                 let c = t.c[i][j];

@@ -139,24 +139,20 @@ fn group_matrices(
 ) -> Vec<Mat<C>> {
     let s = (first..first + size).map(|j| known.s[j]).sum::<C>() / size as f64;
     let (x, y) = (known.x.subcols(first, size), known.left().subcols(first, size));
+    if known.near_defective[first..first + size].iter().any(|&d| d) {
+        return vec![Mat::from_fn(size, size, |_, _| undefined()); directions.count()];
+    }
     let mut forms = vec![Mat::<C>::zeros(size, size); directions.count()];
-    let mut sizes = vec![0.0f64; directions.count()];
     for i in 0..size {
         for k in 0..size {
             for (p, f) in directions.bilinear(s, y.col(i), x.col(k)).into_iter().enumerate() {
                 forms[p][(i, k)] = f;
             }
-            for (p, f) in directions.absolute_stiffness(y.col(i), x.col(k)).into_iter().enumerate() {
-                sizes[p] = sizes[p].max(f);
-            }
         }
-    }
-    if known.near_defective[first..first + size].iter().any(|&d| d) {
-        return vec![Mat::from_fn(size, size, |_, _| undefined()); directions.count()];
     }
     let slope = slope_form(system, s, x, y);
     if known.rigid[first] && (0..size).all(|k| slope[(k, k)].norm() == 0.0) {
-        return still_rigid(&forms, &sizes);
+        return still_rigid(&forms, directions, x, y);
     }
     let lu = slope.partial_piv_lu();
     forms.iter().map(|form| -lu.solve(form)).collect()
@@ -172,7 +168,15 @@ fn slope_form(system: &SecondOrder, s: C, x: MatRef<'_, C>, y: MatRef<'_, C>) ->
     })
 }
 
-fn still_rigid(forms: &[Mat<C>], sizes: &[f64]) -> Vec<Mat<C>> {
+fn still_rigid(forms: &[Mat<C>], directions: &Directions, x: MatRef<'_, C>, y: MatRef<'_, C>) -> Vec<Mat<C>> {
+    let mut sizes = vec![0.0f64; forms.len()];
+    for i in 0..x.ncols() {
+        for k in 0..x.ncols() {
+            for (largest, size) in sizes.iter_mut().zip(directions.absolute_stiffness(y.col(i), x.col(k))) {
+                *largest = largest.max(size);
+            }
+        }
+    }
     forms
         .iter()
         .zip(sizes)
@@ -188,7 +192,7 @@ fn still_rigid(forms: &[Mat<C>], sizes: &[f64]) -> Vec<Mat<C>> {
 fn splits(matrix: &Mat<C>, s: C) -> Vec<C> {
     let g = matrix.nrows();
     let finite = (0..g).all(|j| (0..g).all(|i| matrix[(i, j)].is_finite()));
-    let Some(mut values) = finite.then(|| matrix.eigenvalues().ok()).flatten() else {
+    let Some(mut values) = finite.then(|| eigenvalues(matrix)).flatten() else {
         return vec![undefined(); g];
     };
     let growth = |v: &C| {
@@ -196,6 +200,15 @@ fn splits(matrix: &Mat<C>, s: C) -> Vec<C> {
     };
     values.sort_by(|a, b| growth(a).total_cmp(&growth(b)).then(a.im.total_cmp(&b.im)));
     values
+}
+
+fn eigenvalues(matrix: &Mat<C>) -> Option<Vec<C>> {
+    if matrix.nrows() != 2 {
+        return matrix.eigenvalues().ok();
+    }
+    let [mean, half] = [1.0, -1.0].map(|sign| (matrix[(0, 0)] + matrix[(1, 1)] * sign) * 0.5);
+    let root = (half * half + matrix[(0, 1)] * matrix[(1, 0)]).sqrt();
+    Some(vec![mean - root, mean + root])
 }
 
 #[cfg(test)]

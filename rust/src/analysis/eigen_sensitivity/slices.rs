@@ -8,6 +8,10 @@ use crate::linalg::dense::{C, dot, real_times};
 /// A matrix with one entry in this many is filled: the product with all shapes is then faster than single entries.
 const FILLED: usize = 8;
 
+fn not_finite() -> Error {
+    Error::model("a derivative of the matrices contains NaN or infinite entries")
+}
+
 /// dA/dp for all directions p.
 #[derive(Debug, Clone, Default)]
 pub struct Slices {
@@ -40,7 +44,7 @@ impl Slices {
                 return Err(Error::model(format!("entry {k} of a derivative lies outside the matrices")));
             };
             if !values[k].is_finite() {
-                return Err(Error::model("a derivative of the matrices contains NaN or infinite entries"));
+                return Err(not_finite());
             }
             sorted.push((p, j, i, values[k]));
         }
@@ -54,6 +58,20 @@ impl Slices {
         }
         let entries = sorted.into_iter().map(|(_, j, i, v)| (i, j, v)).collect();
         Ok(Slices { start, entries })
+    }
+
+    /// One direction more: the entries of a matrix (columns one behind the other) that are not zero, of an empty one none.
+    pub fn push(&mut self, matrix: &[f64], n: usize) -> Result<()> {
+        if matrix.iter().any(|v| !v.is_finite()) {
+            return Err(not_finite());
+        }
+        if self.start.is_empty() {
+            self.start.push(0);
+        }
+        let filled = matrix.iter().enumerate().filter(|(_, v)| **v != 0.0);
+        self.entries.extend(filled.map(|(k, v)| (k % n, k / n, *v)));
+        self.start.push(self.entries.len());
+        Ok(())
     }
 
     pub fn of(&self, p: usize) -> &[(usize, usize, f64)] {

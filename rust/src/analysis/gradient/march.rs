@@ -8,6 +8,7 @@ use crate::error::{Error, Result};
 use crate::run::{Cancel, Counts};
 
 use super::Plan;
+use super::runge_kutta::{self, Stages, inner_nodes, start_weight};
 
 /// The scheme, with what distinguishes its variants.
 #[derive(Debug, Clone, Copy)]
@@ -15,14 +16,49 @@ pub enum Rule {
     Ali3p(Weight),
     /// spectral radius at infinity
     Alpha(f64),
+    Explicit,
+}
+
+/// A quadrature over each step: what its start and its end count, and (fraction of the step, weight) of nodes inside.
+pub struct Quadrature {
+    pub ends: [f64; 2],
+    pub inner: Vec<(f64, f64)>,
 }
 
 impl Rule {
+    /// The scheme's own: an integral is as accurate as the motion.
+    pub fn quadrature(&self) -> Quadrature {
+        match self {
+            Rule::Explicit => {
+                Quadrature { ends: [start_weight(), 0.0], inner: inner_nodes().map(|(_, c, b)| (c, b)).collect() }
+            }
+            Rule::Ali3p(_) | Rule::Alpha(_) => Quadrature { ends: [0.5, 0.5], inner: Vec::new() },
+        }
+    }
+
+    pub fn n_inner(&self) -> usize {
+        match self {
+            Rule::Explicit => inner_nodes().count(),
+            Rule::Ali3p(_) | Rule::Alpha(_) => 0,
+        }
+    }
+
+    /// Is the metric of its projections differentiated too?
+    pub fn bends(&self) -> bool {
+        !matches!(self, Rule::Explicit)
+    }
+
+    /// Does a step solve for the states of laws by the trapezoidal rule?
+    pub fn opens_states(&self) -> bool {
+        !matches!(self, Rule::Explicit)
+    }
+
     /// Numbers of the factors of one step.
     pub fn kept(&self, n: usize, rows: usize) -> usize {
         match self {
             Rule::Ali3p(_) => 4 * n * n + 4 * n * rows,
             Rule::Alpha(_) => 0,
+            Rule::Explicit => runge_kutta::kept(n, rows),
         }
     }
 }
@@ -40,7 +76,7 @@ impl Here {
     /// Before the first step.
     pub fn first(instant: Instant, rule: Rule) -> Self {
         let carried = match rule {
-            Rule::Ali3p(_) => None,
+            Rule::Ali3p(_) | Rule::Explicit => None,
             Rule::Alpha(_) => Some(Carried {
                 t: instant.motion.t,
                 a: instant.acceleration.clone(),
@@ -58,6 +94,7 @@ impl Here {
 pub enum Made {
     Ali3p(Record, Box<Factors>),
     Alpha(Parameters, f64),
+    RungeKutta(Box<Stages>),
 }
 
 impl Here {
@@ -76,6 +113,23 @@ impl Made {
         match self {
             Made::Ali3p(record, _) => record.h,
             Made::Alpha(_, h) => *h,
+            Made::RungeKutta(stages) => stages.h,
+        }
+    }
+
+    /// The start of the step as the scheme takes it.
+    pub fn start<'h>(&self, eq: &Equations<'_, f64>, from: &'h Here) -> Cow<'h, Here> {
+        match self {
+            Made::RungeKutta(_) => Cow::Borrowed(from),
+            _ => from.opened(eq, self.length()),
+        }
+    }
+
+    /// Stages at the nodes inside the step.
+    pub fn inner(&self) -> Vec<&Instant> {
+        match self {
+            Made::RungeKutta(stages) => inner_nodes().map(|(i, ..)| &stages.all[i].at).collect(),
+            _ => Vec::new(),
         }
     }
 }
@@ -149,6 +203,13 @@ impl<'a> March<'a> {
                 scheme.accept(self.eq, &from.instant, &step, h);
                 let here = Here { carried: scheme.carried().cloned(), instant: step.end, trend: Trend::default() };
                 Ok((here, Made::Alpha(Parameters::of(rho), h)))
+            }
+            Rule::Explicit => {
+                let (mut end, stages) = runge_kutta::step(self.eq, &from.instant, h, counts)?;
+                end.motion.t = t;
+                self.eq.remember(&mut end.motion, counts);
+                let here = Here { instant: end, carried: None, trend: Trend::default() };
+                Ok((here, Made::RungeKutta(Box::new(stages))))
             }
         }
     }

@@ -1,8 +1,9 @@
-//! Gradients of a motion: the derivative of the discrete solution, forwards along directions and backwards, of ALI3-P and of
-//! generalised-alpha.
+//! Gradients of a motion: the derivative of the discrete solution, forwards along directions and backwards, of ALI3-P, of
+//! generalised-alpha and of the explicit Runge-Kutta method of order eight.
 //!
 //! Steps, iteration counts and multiplier updates are those of the motion itself: every step is the solution of three implicit
-//! systems (`transient::ali3p`, `alpha`), each differentiated by the implicit function theorem with the matrices of the step.
+//! systems (`transient::ali3p`, `alpha`), each differentiated by the implicit function theorem with the matrices of the step, or a
+//! row of explicit stages (`runge_kutta`).
 //!
 //! | file | |
 //! |---|---|
@@ -11,6 +12,7 @@
 //! | `march` | the motion itself, step by step |
 //! | `kinks` | where a motion has no derivative |
 //! | `alpha` | a step of generalised-alpha as equations |
+//! | `runge_kutta` | a step of the explicit method as equations |
 //! | `direct/` | all directions along with the motion |
 //! | `adjoint/` | the steps backwards, with checkpoints |
 //! | `power/` | the virtual power of a step and its derivative by everything |
@@ -23,6 +25,7 @@ pub mod march;
 mod power;
 pub mod quantity;
 mod reactions;
+pub mod runge_kutta;
 pub mod start;
 pub mod tape;
 
@@ -47,6 +50,8 @@ pub struct Plan {
     pub keep: usize,
     /// instants at which quantities are wanted, going forwards, zeros elsewhere; empty: at all
     pub read: Vec<bool>,
+    /// quantities are also wanted inside the steps, at the nodes of the scheme's quadrature
+    pub inner: bool,
 }
 
 /// What the first instant follows besides closing its loops by the smallest change.
@@ -72,6 +77,21 @@ impl Plan {
     /// Are quantities wanted at instant i?
     pub fn reads(&self, i: usize) -> bool {
         self.read.get(i).copied().unwrap_or(true)
+    }
+
+    /// Rows of values: those of all instants, then those of the nodes inside all steps.
+    pub fn n_values(&self) -> usize {
+        self.times.len() + self.n_steps() * self.n_inner()
+    }
+
+    /// Nodes inside a step.
+    pub fn n_inner(&self) -> usize {
+        if self.inner { self.rule.n_inner() } else { 0 }
+    }
+
+    /// The first row of the nodes inside step i.
+    pub fn inner_row(&self, i: usize) -> usize {
+        self.times.len() + i * self.n_inner()
     }
 
     pub fn n_steps(&self) -> usize {

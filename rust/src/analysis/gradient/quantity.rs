@@ -1,5 +1,5 @@
 //! What can be read of an instant: one text for values, derivatives and the tape.
-use crate::analysis::transient::{Equations, Motion};
+use crate::analysis::transient::{Equations, Instant, Motion};
 use crate::error::{Error, Result};
 use crate::model::tables::BodyRef;
 use crate::spatial::{Real, Six, V3, turned, turned_back};
@@ -89,6 +89,11 @@ pub fn check(eq: &Equations<'_, f64>, wanted: &[Quantity]) -> Result<()> {
         }
     }
     Ok(())
+}
+
+/// The same of an instant.
+pub fn read(eq: &Equations<'_, f64>, at: &Instant, wanted: &[Quantity]) -> Result<Vec<f64>> {
+    evaluate(eq, &Point { motion: &at.motion, acceleration: &at.acceleration, lam: &at.lam }, wanted)
 }
 
 /// All wanted numbers one after the other.

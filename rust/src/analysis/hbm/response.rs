@@ -79,6 +79,8 @@ pub struct Follower {
     count: usize,
     /// stability of the last record, which its reader may have taken away
     last: Option<Floquet>,
+    /// the record before the previous one, unless an event lies between it and the last
+    behind: Option<Place>,
 }
 
 impl Follower {
@@ -113,6 +115,7 @@ impl Follower {
             stability,
             count: 0,
             last: None,
+            behind: None,
         };
         follower.record()?;
         Ok(follower)
@@ -237,14 +240,60 @@ impl Follower {
         let (Some(before), Some(after)) = (before, self.last.clone()) else {
             return Ok(());
         };
+        let events = self.events.len();
+        let (previous, present) =
+            ((a.clone(), before.exponents.clone(), false), (b.clone(), after.exponents.clone(), false));
         between.sort_by(|p, q| segment.distance(p).total_cmp(&segment.distance(q)));
-        let mut here = (a, before.exponents.clone(), false);
+        let mut here = previous.clone();
+        let plain = between.is_empty();
         for point in between {
             let there = (point.clone(), self.exponents_at(&point)?, true);
             self.find_crossings(&here, &there, cancel)?;
             here = there;
         }
-        self.find_crossings(&here, &(b, after.exponents, false), cancel)
+        self.find_crossings(&here, &present, cancel)?;
+        let behind = self.behind.take().filter(|_| plain && self.events.len() == events);
+        if let Some(behind) = behind {
+            self.find_hidden([&behind, &previous, &present], cancel)?;
+        }
+        self.behind = plain.then_some(previous);
+        Ok(())
+    }
+
+    /// Two crossings between neighbours, which the number of growing roots does not show: among three places with equally many, the
+    /// growth next to zero has an extremum that may lie beyond zero. The branch is solved there once more.
+    fn find_hidden(&mut self, places: [&Place; 3], cancel: &Cancel) -> Result<()> {
+        let w0 = self.problem.base_frequency();
+        let count = unstable(&places[1].1, w0);
+        if places.iter().any(|place| unstable(&place.1, w0) != count) {
+            return Ok(());
+        }
+        let options = self.settings.options;
+        let segments =
+            [Segment::new(&places[0].0, &places[1].0, options), Segment::new(&places[1].0, &places[2].0, options)];
+        let s = [-segments[0].length(), 0.0, segments[1].length()];
+        let decaying = (count..places[1].1.len()).find(|rank| nth_growth(&places[1].1, *rank) < -NEUTRAL * w0);
+        for rank in count.checked_sub(1).into_iter().chain(decaying) {
+            let nearness = places.map(|place| -nth_growth(&place.1, rank).abs());
+            let Some(at) = extremum_near_zero(s, nearness) else {
+                continue;
+            };
+            let earlier = usize::from(at < 0.0);
+            let (segment, fraction) = (&segments[1 - earlier], if at < 0.0 { 1.0 - at / s[0] } else { at / s[2] });
+            let Some(point) = segment.point(&mut self.problem, &mut self.branch.work, fraction)? else {
+                continue;
+            };
+            let middle = (point.clone(), self.exponents_at(&point)?, false);
+            if unstable(&middle.1, w0) == count {
+                continue;
+            }
+            let found = self.events.len();
+            self.find_crossings(places[1 - earlier], &middle, cancel)?;
+            self.find_crossings(&middle, places[2 - earlier], cancel)?;
+            self.events[found..].iter_mut().for_each(|event| event.before -= earlier);
+            return Ok(());
+        }
+        Ok(())
     }
 
     fn exponents_at(&mut self, point: &Point) -> Result<Vec<c64>> {
@@ -387,6 +436,19 @@ fn changes(a: &Place, b: &Place, w0: f64) -> bool {
         (true, false) => !(-1..=0).contains(&change),
         (true, true) => change.abs() >= 2,
     }
+}
+
+/// Where the parabola through three values, all negative, has its maximum, if that lies between the first and the last place and comes
+/// as near to zero as the values vary.
+fn extremum_near_zero(s: [f64; 3], f: [f64; 3]) -> Option<f64> {
+    let (left, right) = ((f[1] - f[0]) / (s[1] - s[0]), (f[2] - f[1]) / (s[2] - s[1]));
+    let span = s[2] - s[0];
+    let slope = (left * (s[2] - s[1]) + right * (s[1] - s[0])) / span;
+    let curvature = (right - left) / span;
+    let at = s[1] - 0.5 * slope / curvature;
+    let height = f[1] - 0.25 * slope * slope / curvature;
+    let variation = f.iter().fold(f64::MIN, |a, b| a.max(*b)) - f.iter().fold(f64::MAX, |a, b| a.min(*b));
+    (curvature < 0.0 && at > s[0] && at < s[2] && height + variation > 0.0).then_some(at)
 }
 
 /// The exponents, in the order of growth, whose growth changes its sign between two places.

@@ -42,6 +42,14 @@ pub struct Explicit8 {
     aside: Option<Minimal>,
     /// tree coordinates, but stages are closed and aligned too
     careful: bool,
+    /// stages of the last step in tree coordinates, where they are asked for
+    record: Option<Vec<RecordedStage>>,
+}
+
+/// A stage: its increment from the start of the step, and its motion with accelerations and multipliers.
+pub struct RecordedStage {
+    pub increment: Vec<f64>,
+    pub at: Instant,
 }
 
 #[derive(Clone)]
@@ -89,6 +97,22 @@ impl Explicit8 {
         }
     }
 
+    /// Keep the stages of each step.
+    pub fn recording(self) -> Self {
+        Explicit8 { record: Some(Vec::new()), ..self }
+    }
+
+    /// The stages of the last step.
+    pub fn recorded(self) -> Vec<RecordedStage> {
+        self.record.unwrap_or_default()
+    }
+
+    fn note(&mut self, increment: &[f64], at: &Instant) {
+        if let Some(record) = &mut self.record {
+            record.push(RecordedStage { increment: increment.to_vec(), at: at.clone() });
+        }
+    }
+
     /// One long step from one side of a singular pose to the other, for schemes whose own steps collapse there.
     pub fn across_singular_poses() -> Box<dyn Scheme> {
         Box::new(Explicit8 { careful: true, ..Explicit8::default() })
@@ -122,6 +146,7 @@ impl Explicit8 {
         }
         let slope_y = eq.increment_rates(&y, &m.rate);
         let at = eq.instant(m, counts)?;
+        self.note(&y, &at);
         self.slopes.push(Slope { y: slope_y, v: at.acceleration, z: eq.state_rates(&at.motion) });
         Ok(())
     }
@@ -168,6 +193,8 @@ impl Scheme for Explicit8 {
     ) -> Result<Step> {
         self.slopes.clear();
         self.end = None;
+        self.record = self.record.take().map(|_| Vec::new());
+        self.note(&vec![0.0; eq.n()], from);
         let z = eq.state_rates(&from.motion);
         self.slopes.push(Slope { y: from.motion.rate.clone(), v: from.acceleration.clone(), z });
         self.minimal = self.aside.take().or(self.minimal.take()).filter(|_| eq.constrained());

@@ -117,7 +117,7 @@ pub fn simulate(
     let position_correction = size(&eq.difference(&given, &first.motion));
     let changed: Vec<f64> = first.motion.rate.iter().zip(&given.rate).map(|(a, b)| a - b).collect();
     let velocity_correction = size(&changed);
-    let (mut method, mut why) = chosen(eq, method, &first, &plan, counts)?;
+    let (mut method, mut why) = chosen(eq, method, &first, plan.end, counts)?;
     if matches!(method, Method::Explicit(None)) && Minimal::pays(eq, &first.motion) {
         method = Method::Explicit(Some(Coordinates::Independent));
         why = format!("{why}; many loops and few freedoms");
@@ -153,11 +153,33 @@ const DECAY: f64 = 40.0;
 /// So many times these factors in the whole time: a short motion costs little by any method.
 const MANY: f64 = 10.0;
 
+/// Vibrations and decays times a fixed step up to which explicit steps follow them.
+const FOLLOWED: f64 = 1.0;
+
+/// Does an explicit method serve this motion? `step`: of fixed steps.
+pub fn explicit_serves(
+    eq: &Equations<'_, f64>,
+    start: Motion<f64>,
+    end: f64,
+    step: Option<f64>,
+    counts: &mut Counts,
+) -> Result<bool> {
+    let first = eq.consistent(start, counts).map_err(at_start)?;
+    if !matches!(chosen(eq, Method::Auto, &first, end, counts)?.0, Method::Explicit(_)) {
+        return Ok(false);
+    }
+    let Some(step) = step.filter(|_| !eq.topology().connectors.is_empty() || eq.topology().is_flexible()) else {
+        return Ok(true);
+    };
+    let fastest = eq.fastest(&first, counts)?;
+    Ok(step * fastest.vibration.max(fastest.decay) <= FOLLOWED)
+}
+
 fn chosen(
     eq: &Equations<'_, f64>,
     method: Method,
     first: &Instant,
-    plan: &Plan,
+    end: f64,
     counts: &mut Counts,
 ) -> Result<(Method, String)> {
     let Method::Auto = method else {
@@ -169,7 +191,7 @@ fn chosen(
     }
     let scales = eq.scales();
     let size = |v: &[f64]| scaled_size(v, &scales);
-    let time = plan.end - first.motion.t;
+    let time = end - first.motion.t;
     let motion = size(&first.motion.rate).max(size(&first.acceleration).sqrt()).max(1.0 / time);
     let mut fastest = eq.fastest(first, counts)?;
     if let Some(still) = held_by_friction(eq, first, counts)? {

@@ -29,7 +29,7 @@ mod bdf_solver;
 pub mod bdf_step;
 pub mod consistent;
 mod detour;
-mod dop853_numbers;
+pub mod dop853_numbers;
 pub mod driver;
 mod element_motion;
 pub mod energy;

@@ -42,10 +42,13 @@ pub fn add_turning<T: Real>(topology: &Topology, h: f64, rates: (&[T], &[T]), on
 
 /// Rates of the increments theta from the joint rates: theta' = J_l^-1(theta) omega where three rotations act together.
 pub fn increment_rates<T: Real>(topology: &Topology, increment: &[T], rate: &[T]) -> Vec<T> {
-    on_rotations(topology, increment, rate, |theta, omega| {
-        let (b, _) = left_jacobian_coefficient(theta.dot(&theta));
-        omega - theta.cross(&omega) * T::from(0.5) + theta.cross(&theta.cross(&omega)) * b
-    })
+    on_rotations(topology, increment, rate, increment_slope)
+}
+
+/// J_l^-1(theta) omega.
+pub fn increment_slope<T: Real>(theta: V3<T>, omega: V3<T>) -> V3<T> {
+    let (b, _) = left_jacobian_coefficient(theta.dot(&theta));
+    omega - theta.cross(&omega) * T::from(0.5) + theta.cross(&theta.cross(&omega)) * b
 }
 
 fn on_rotations<T: Real>(

@@ -34,7 +34,7 @@ pub fn step_back(
     let (eq, h) = (recorder.eq, record.h);
     let mut before = Adjoint::none(from);
     if at.memory.iter().any(|m| *m != 0.0) {
-        remembered_back(recorder, from, end, &mut at);
+        remembered_back(recorder, &from.instant.motion.memory, &end.instant.motion, &mut at);
         std::mem::swap(&mut before.memory, &mut at.memory);
     }
     let hand = &mut recorder.hand;

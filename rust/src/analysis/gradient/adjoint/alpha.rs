@@ -34,7 +34,7 @@ pub fn step_back(
     };
     let by = Solved::new(recorder.eq, p, from, end, h, counts)?;
     if at.memory.iter().any(|m| *m != 0.0) {
-        remembered_back(recorder, from, end, &mut at);
+        remembered_back(recorder, &from.instant.motion.memory, &end.instant.motion, &mut at);
         std::mem::swap(&mut before.memory, &mut at.memory);
     }
     for (i, d) in load.slope.iter().enumerate() {

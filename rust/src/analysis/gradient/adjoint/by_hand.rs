@@ -74,9 +74,22 @@ impl<'a> ByHand<'a> {
         self.plain_found(m.t)
     }
 
+    /// -w.Phi of the position rows by numbers alone.
+    pub fn row_values(&mut self, m: &Motion<f64>, w: &[f64]) {
+        let rows = &self.eq.topology().rows;
+        let one = |(i, w): (usize, &f64)| if rows[i].level == Level::Position { -w } else { 0.0 };
+        let alpha: Vec<f64> = w.iter().enumerate().map(one).collect();
+        self.rows(m, &alpha, &[]);
+    }
+
     /// -w.(J v + Phi_t) by the configuration.
     pub fn row_rates(&mut self, m: &Motion<f64>, w: &[f64]) -> Vec<f64> {
         let beta: Vec<f64> = w.iter().map(|w| -w).collect();
+        self.rows(m, &[], &beta)
+    }
+
+    /// alpha.Phi + beta.(J v + Phi_t) by the configuration.
+    fn rows(&mut self, m: &Motion<f64>, alpha: &[f64], beta: &[f64]) -> Vec<f64> {
         let power = Power {
             eq: self.eq,
             motion: m,
@@ -85,8 +98,8 @@ impl<'a> ByHand<'a> {
             rates: &[],
             factor: 0.0,
             forces: Forces::None,
-            alpha: &[],
-            beta: &beta,
+            alpha,
+            beta,
             kappa: &[],
         };
         power.back(&mut self.plain);

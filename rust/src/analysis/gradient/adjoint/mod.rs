@@ -1,17 +1,18 @@
 //! The steps backwards: the exact reverse of what `direct` does forwards, whatever the number of parameters.
 //!
-//! Steps are reversed by hand (`ali3p`, `alpha`), what an objective reads on the tape. Instants are kept at
+//! Steps are reversed by hand (`ali3p`, `alpha`, `runge_kutta`), what an objective reads on the tape. Instants are kept at
 //! checkpoints; a stretch between two is run again.
 //!
 //! | file | |
 //! |---|---|
-//! | `ali3p`, `alpha`, `by_hand`, `increments` | a step backwards |
+//! | `ali3p`, `alpha`, `runge_kutta`, `by_hand`, `increments` | a step backwards |
 //! | `recorder` | quantities, memories and the geometry backwards, on the tape |
 mod ali3p;
 mod alpha;
 mod by_hand;
 mod increments;
 mod recorder;
+mod runge_kutta;
 
 use crate::analysis::transient::{Equations, Instant};
 use crate::error::Result;
@@ -20,7 +21,8 @@ use crate::run::{Cancel, Counts};
 use self::recorder::{Adjoint, Recorder, opened_back, seed};
 use super::kinks::{Kink, Watch};
 use super::march::{Here, Made, March, Rule};
-use super::quantity::{Point, Quantity, evaluate};
+use super::quantity::{Quantity, read};
+use super::runge_kutta::inner_nodes;
 use super::start::Starting;
 use super::{Direction, Plan};
 
@@ -97,11 +99,15 @@ pub fn forward(
         kinks: Vec::new(),
         whole: (every >= n).then(|| Stretch::at(&here)),
     };
+    let mut inner = Vec::new();
     let (mut march, mut watch) = (March::new(eq, plan), Watch::new(eq, &here.instant));
     for i in 0..=n {
         if i > 0 {
             let (end, gone) = stepped(&mut march, i - 1, &here, cancel, counts)?;
             watch.pass(&here.instant, &end.instant);
+            for at in gone.0.inner().into_iter().filter(|_| plan.inner) {
+                inner.extend(read(eq, at, wanted)?);
+            }
             if let Some(whole) = &mut out.whole {
                 whole.places.push(end.clone());
                 whole.steps.push(gone);
@@ -112,10 +118,9 @@ pub fn forward(
             out.checkpoints.push(here.clone());
             march.forget();
         }
-        let at =
-            Point { motion: &here.instant.motion, acceleration: &here.instant.acceleration, lam: &here.instant.lam };
-        out.values.extend(evaluate(eq, &at, wanted)?);
+        out.values.extend(read(eq, &here.instant, wanted)?);
     }
+    out.values.extend(inner);
     out.kinks = watch.found;
     counts.add("checkpoints", out.checkpoints.len() as u64);
     let whole = out.whole.as_ref().map_or(0, |w| w.steps.len());
@@ -150,7 +155,7 @@ fn repeat(
     Ok(out)
 }
 
-/// Derivatives of sum(seeds * values) along directions, for one set of seeds (n_t, width).
+/// Derivatives of sum(seeds * values) along directions, for one set of seeds (n_r, width).
 #[allow(clippy::too_many_arguments)]
 pub fn backward(
     eq: &Equations<'_, f64>,
@@ -192,16 +197,26 @@ pub fn backward(
                     before
                 }
             };
-            let start = &*from.opened(eq, made.length());
+            let start = &*made.start(eq, from);
             at = match (made, plan.rule) {
                 (Made::Ali3p(record, by), Rule::Ali3p(weight)) => {
                     let parts = (record, by.as_ref());
                     ali3p::step_back(&mut recorder, (start, end), parts, weight, at)?
                 }
                 (Made::Alpha(p, h), _) => alpha::step_back(&mut recorder, start, end, *p, *h, at, counts)?,
+                (Made::RungeKutta(stages), _) => {
+                    let first = plan.inner_row(i);
+                    let mut own = |recorder: &mut Recorder<'_>, stage: usize, here: &Instant, onto: &mut Adjoint| {
+                        let Some(k) = inner_nodes().position(|(s, ..)| s == stage).filter(|_| plan.inner) else {
+                            return Ok(());
+                        };
+                        seed(recorder, here, wanted, &seeds[(first + k) * w..(first + k + 1) * w], onto)
+                    };
+                    runge_kutta::step_back(&mut recorder, (start, end), stages, at, &mut own)?
+                }
                 _ => at,
             };
-            if eq.has_state_rates() {
+            if eq.has_state_rates() && plan.rule.opens_states() {
                 opened_back(&mut recorder, from, made.length(), &mut at);
             }
         }

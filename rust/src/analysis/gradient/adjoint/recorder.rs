@@ -173,9 +173,9 @@ pub fn add_all(to: &mut Adjoint, d: &Adjoint) {
 }
 
 /// What laws remember after the step, by what they remembered before and by where the step ended.
-pub fn remembered_back(recorder: &mut Recorder<'_>, from: &Here, end: &Here, at: &mut Adjoint) {
+pub fn remembered_back(recorder: &mut Recorder<'_>, held: &[f64], end: &Motion<f64>, at: &mut Adjoint) {
     let eq = recorder.begin();
-    let start = Motion { memory: from.instant.motion.memory.clone(), ..end.instant.motion.clone() };
+    let start = Motion { memory: held.to_vec(), ..end.clone() };
     let leaves = recorder.leaves(&start, &[], &[]);
     let mut m = leaves.motion.clone();
     eq.remember(&mut m, &mut Counts::default());
@@ -184,6 +184,20 @@ pub fn remembered_back(recorder: &mut Recorder<'_>, from: &Here, end: &Here, at:
     add(&mut at.q, &found.q);
     add(&mut at.rate, &found.rate);
     at.memory = found.memory;
+}
+
+/// Rates of states of laws by where the motion is and by the states: adjoints are added.
+pub fn state_rates_back(recorder: &mut Recorder<'_>, m: &Motion<f64>, by: &[f64], at: &mut Adjoint) {
+    if by.iter().all(|d| *d == 0.0) {
+        return;
+    }
+    let eq = recorder.begin();
+    let leaves = recorder.leaves(m, &[], &[]);
+    let sum = weighed(&eq.state_rates(&leaves.motion), by);
+    let found = recorder.finish(sum, &leaves);
+    add(&mut at.q, &found.q);
+    add(&mut at.rate, &found.rate);
+    add(&mut at.memory, &found.memory);
 }
 
 /// States of laws as a step of this length solves for them, by what they were and by the start of the step.

@@ -53,7 +53,7 @@ impl<'a> Along<'a> {
             directions.iter().map(|d| touched(system, effects, d)).map(|t| (!t.whole, !t.rows)).collect();
         let mut order: Vec<usize> = (0..directions.len()).collect();
         order.sort_by_key(|p| kind[*p]);
-        let projected = eq.n_rows() > 0;
+        let projected = eq.n_rows() > 0 && plan.rule.bends();
         let mut chunks = Vec::new();
         for alike in order.chunk_by(|a, b| kind[*a] == kind[*b]) {
             for part in alike.chunks(WIDEST) {
@@ -71,6 +71,10 @@ impl<'a> Along<'a> {
             order,
             now,
         })
+    }
+
+    pub fn chunks(&self) -> impl Iterator<Item = &dyn Chunk> {
+        self.chunks.iter().map(|c| c.as_ref())
     }
 
     pub fn zeros(&self, rows: usize) -> DMatrix<f64> {

@@ -41,6 +41,8 @@ pub trait Chunk {
     fn row_accelerations(&self, at: Moving<'_>, a: (&[f64], &DMatrix<f64>), placed: bool, out: &mut DMatrix<f64>);
     /// States of laws for a step of this length.
     fn open(&self, at: Moving<'_>, h: f64, out: &mut DMatrix<f64>);
+    /// Rates of states of laws.
+    fn state_rates(&self, at: Moving<'_>, out: &mut DMatrix<f64>);
     fn remember(&self, at: Moving<'_>, out: &mut DMatrix<f64>, counts: &mut Counts);
     /// Derivatives of quantities, to `out` with (number, column).
     fn read(
@@ -195,6 +197,10 @@ impl<const N: usize> Chunk for Lanes<'_, N> {
         let mut m = self.moving(at);
         self.eq.open_states(&mut m, 0.5 * h);
         self.add(&m.memory, out);
+    }
+
+    fn state_rates(&self, at: Moving<'_>, out: &mut DMatrix<f64>) {
+        self.add(&self.eq.state_rates(&self.moving(at)), out);
     }
 
     fn remember(&self, at: Moving<'_>, out: &mut DMatrix<f64>, counts: &mut Counts) {

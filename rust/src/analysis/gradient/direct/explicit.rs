@@ -139,6 +139,12 @@ fn bodies_move<const N: usize>(eq: &Equations<'_, Wide<f64, N>>) -> bool {
     for tip in &geometry.tips {
         let _ = tip.map(&mut look);
     }
+    for air in &geometry.air {
+        let _ = air.map(&mut look);
+    }
+    for section in &geometry.sections {
+        let _ = section.map(&mut look);
+    }
     if let Some(g) = geometry.gravity {
         let _ = g.map(&mut look);
     }

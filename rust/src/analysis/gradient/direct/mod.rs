@@ -2,12 +2,13 @@
 //!
 //! | file | |
 //! |---|---|
-//! | `along`, `slopes` | by the tangents of the steps |
+//! | `along`, `slopes`, `runge_kutta` | by the tangents of the steps |
 //! | `chunk`, `explicit`, `lanes` | what tangents do not give: by the numbers themselves, in several directions at once |
 mod along;
 mod chunk;
 mod explicit;
 mod lanes;
+mod runge_kutta;
 pub(super) mod slopes;
 
 use nalgebra::DMatrix;
@@ -24,7 +25,8 @@ use self::slopes::{Slopes, add_mapped, add_turning_slopes, carried};
 use super::alpha::{self, Load, Solved};
 use super::kinks::{Kink, Watch};
 use super::march::{Here, Made, March};
-use super::quantity::{Point, Quantity, evaluate};
+use super::quantity::{Quantity, read};
+use super::runge_kutta::is_inner;
 use super::{Direction, Plan};
 
 /// What generalised-alpha carries on, by all directions.
@@ -132,7 +134,7 @@ impl Along<'_> {
     }
 }
 
-/// Instants, the wanted numbers at them (n_t, n) and their derivatives (n_t, n, n_p), flat.
+/// Instants, the wanted numbers (n_r, n) of all rows of the plan and their derivatives (n_r, n, n_p), flat.
 pub struct Sensitivities {
     pub instants: Vec<Instant>,
     pub values: Vec<f64>,
@@ -146,9 +148,15 @@ fn stepped(
     along: &mut Along<'_>,
     (from, end, made): (&Here, &Here, &Made),
     carry: Carry,
+    stage: &mut dyn FnMut(usize, &Along<'_>, &Instant) -> Result<()>,
     counts: &mut Counts,
 ) -> Result<Carry> {
     counts.add("tangent linear steps", 1);
+    if let Made::RungeKutta(stages) = made {
+        along.runge_kutta(stages, &end.instant, stage, counts)?;
+        along.remember(&stages.end, &end.instant.motion, counts);
+        return Ok(carry);
+    }
     let from = &*along.open(from, made.length());
     let next = match made {
         Made::Ali3p(record, by) => {
@@ -159,6 +167,7 @@ fn stepped(
             let by = Solved::new(along.eq, *p, from, end, *h, counts)?;
             along.alpha(from, end, (*p, *h), (&by, &carry), counts)?
         }
+        Made::RungeKutta(_) => None,
     };
     along.remember(&from.instant.motion, &end.instant.motion, counts);
     Ok(next.unwrap_or(carry))
@@ -179,11 +188,11 @@ pub fn direct(
     let mut along = Along::new(eq, &first, plan, directions, counts)?;
     let mut carry = Carry::first(&along.now);
     let width: usize = wanted.iter().map(|q| q.width(eq)).sum();
-    let n_t = plan.times.len();
+    let (n_t, n_r) = (plan.times.len(), plan.n_values());
     let mut out = Sensitivities {
         instants: Vec::with_capacity(n_t),
-        values: vec![0.0; n_t * width],
-        derivatives: vec![0.0; n_t * width * n_p],
+        values: vec![0.0; n_r * width],
+        derivatives: vec![0.0; n_r * width * n_p],
         width,
         kinks: Vec::new(),
     };
@@ -193,8 +202,21 @@ pub fn direct(
     for i in 0..n_t {
         if i > 0 {
             let (end, made) = march.step(i - 1, &here, cancel, counts)?;
+            let first = plan.inner_row(i - 1);
+            for (k, inner) in made.inner().into_iter().enumerate().filter(|_| plan.inner) {
+                out.values[(first + k) * width..(first + k + 1) * width].copy_from_slice(&read(eq, inner, wanted)?);
+            }
             if n_p > 0 {
-                carry = stepped(&mut along, (&here, &end, &made), carry, counts)?;
+                let derivatives = &mut out.derivatives;
+                let mut row = first;
+                let mut stage = |k: usize, along: &Along<'_>, at: &Instant| {
+                    if !plan.inner || !is_inner(k) {
+                        return Ok(());
+                    }
+                    row += 1;
+                    along.read(at, wanted, &mut derivatives[(row - 1) * width * n_p..row * width * n_p])
+                };
+                carry = stepped(&mut along, (&here, &end, &made), carry, &mut stage, counts)?;
             }
             watch.pass(&here.instant, &end.instant);
             here = match march.anew(i - 1, &end, counts)? {
@@ -210,9 +232,8 @@ pub fn direct(
             };
         }
         let now = &here.instant;
-        let at = Point { motion: &now.motion, acceleration: &now.acceleration, lam: &now.lam };
         if plan.reads(i) {
-            out.values[i * width..(i + 1) * width].copy_from_slice(&evaluate(eq, &at, wanted)?);
+            out.values[i * width..(i + 1) * width].copy_from_slice(&read(eq, now, wanted)?);
             let place = &mut out.derivatives[i * width * n_p..(i + 1) * width * n_p];
             along.read(now, wanted, place)?;
         }

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! P = f u.(M a + h(q, v, t)) + sum_i [ alpha_i Phi_i + beta_i (J v + Phi_t)_i + kappa_i (J u)_i ]
-//! u.(M a + h) = sum over bodies U.(I A) + (U x V).(I V)  +  sum over springs f(e, e') e'(U)  -  sum over loads U.W
+//! u.(M a + h) = sum over bodies U.(I A) + (U x V).(I V)  +  sum over springs f(e, e') e'(U)  -  sum over loads and sections U.W
 //! ```
 //! What a step backwards asks for is such a number: residual and rows at once; J v in the direction of a motion gives J a + gamma, the
 //! residual along (c d, h/2 d, d) the metric of the projections, both with dual numbers for T, of which the derivatives are read.
@@ -11,7 +11,8 @@
 //! | file | |
 //! |---|---|
 //! | `tree` | bodies and their inertia |
-//! | `links`, `loads`, `flexible` | connectors and rows, loads, flexible bodies |
+//! | `links`, `loads`, `air`, `flexible` | connectors and rows, loads, sections of blades, flexible bodies |
+mod air;
 mod flexible;
 mod links;
 mod loads;
@@ -129,6 +130,7 @@ impl<T: OnTape> Power<'_, '_, T> {
         if self.forces == Forces::All {
             self.springs_back(&at, &twists, &mut bodies, out);
             self.loads_back(&at, &twists, &columns, &mut bodies, out);
+            self.air_back(&at, &twists, &mut bodies, out);
         }
         if ![self.alpha, self.beta, self.kappa].iter().all(|w| w.is_empty()) {
             self.rows_back(&at, &twists, &mut bodies, out);

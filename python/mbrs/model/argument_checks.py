@@ -1,4 +1,4 @@
-"""From the arguments of a constructor to the numbers of a block, as the schema declares them."""
+"""Checks of the arguments of constructors (points, stiffnesses, inertias), and their numbers in the order that the schema declares."""
 
 from __future__ import annotations
 
