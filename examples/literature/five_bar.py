@@ -55,7 +55,8 @@ def main(where: Path | str) -> None:
     axes[0].set_title("motion [m]")
     for ax in axes:
         ax.set_xlabel("t [s]")
-        ax.legend(fontsize=8, loc="upper right")
+        ax.margins(y=0.25)
+        ax.legend(fontsize=8, loc="upper right", ncols=2)
     save(figure, where, "five_bar.png")
 
 

@@ -140,3 +140,25 @@ def test_the_reference_refuses_by_name():
 
 def test_effects_name_velocity_rows():
     assert mb.effects(skate("function"))["nonholonomic"].why == "edge"
+
+
+@pytest.mark.slow
+def test_lowest_modes_of_a_large_model():
+    """The sparse route does not know such rows: the dense one takes over, with the modes of the joint that says the same."""
+
+    def held(pin):
+        m = mb.Model("row of bodies")
+        last = m.ground
+        for i in range(70):
+            body = m.body(f"b{i}", mass=1.1, inertia=(0.1, 0.13, 0.17), at=(i + 1.0, 0.0, 0.0))
+            m.bushing(f"s{i}", last, body, at=(i + 0.5, 0.0, 0.0), k=(1e4, 1.3e4, 1.7e4, 2e4, 1.1e4, 1.9e4))
+            last = body
+        pin(m, last)
+        return mb.modes(m, n=5)
+
+    def rows(m, body):
+        m.constraint("pin", lambda t, u: [u[0], u[1], u[2]], [body.motion(axis) for axis in "xyz"])
+
+    found, known = held(rows), held(lambda m, body: m.spherical("pin", m.ground, body, at=(70.0, 0.0, 0.0)))
+    assert "sparse" in known.stats.route and "sparse" not in found.stats.route
+    assert found.frequency == pytest.approx(known.frequency, rel=1e-8)
