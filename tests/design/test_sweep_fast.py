@@ -262,6 +262,26 @@ def test_designs_that_fail_do_so_with_the_same_words():
     assert fast["frequency"][fast.done] == pytest.approx(slow["frequency"][slow.done], rel=1e-11)
 
 
+@pytest.mark.parametrize("executor", [None, 2])
+def test_a_design_that_cannot_assemble_is_a_failure(executor):
+    """The four-bar of three rods of length one: its last joint is too far away from four metres on."""
+    m = mb.Model("four-bar", gravity=(0, -9.81, 0))
+    upright = mb.rotation("z", np.pi / 2)
+    a = m.body("crank", mass=1.0, inertia=(1e-3, 1 / 12, 1 / 12), at=(0, 0.5, 0), orientation=upright)
+    b = m.body("coupler", mass=1.0, inertia=(1e-3, 1 / 12, 1 / 12), at=(0.5, 1, 0))
+    c = m.body("rocker", mass=1.0, inertia=(1e-3, 1 / 12, 1 / 12), at=(1, 0.5, 0), orientation=upright)
+    m.revolute("A", m.ground, a, at=(0, 0, 0), axis="z", k=5.0)
+    m.revolute("B", a, b, at=(0, 1, 0), axis="z")
+    m.revolute("C", b, c, at=(1, 1, 0), axis="z")
+    m.revolute("D", c, m.ground, at=((1, 0, 0), (1, 0, 0)), axis="z")
+    designs = mb.design.from_table({"D.at_b[0]": np.array([1.0, 4.0, 1.2])})
+    outputs = mb.outputs.modes()
+    runs = mb.sweep(m, designs, outputs, executor=executor)
+    slow = mb.sweep(m, designs, python_alone(outputs))
+    assert runs.done.tolist() == slow.done.tolist() == [True, False, True]
+    assert [f.error for f in runs.failed] == ["AssemblyError"] and runs.failed == slow.failed
+
+
 def free_pair(light=0.7):
     m = mb.Model("free pair")
     a = m.body("a", mass=1.1, inertia=(0.1, 0.2, 0.25), at=(0.1, 0.2, 0.3))
