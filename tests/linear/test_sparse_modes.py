@@ -281,6 +281,33 @@ def test_wrong_input_is_named(call, error, text):
 # --- through the public door
 
 
+@pytest.mark.parametrize(("name", "text"), [
+    ("M", "a mass matrix must be symmetric"), ("C", "skew part as G"), ("K", "skew part as N"), ("G", "skew-symmetric"),
+])  # fmt: skip
+@pytest.mark.parametrize("size", [3e-11, 3e-10])
+def test_sparse_matrices_without_symmetry_are_refused(name, text, size):
+    """Rounding of 1e-10 of the largest entry is none."""
+    n = 1700
+    K = sp.diags([np.full(n - 1, -1.0), np.full(n, 2.53), np.full(n - 1, -1.0)], [-1, 0, 1]).tocsr()
+    parts = {"M": sp.identity(n).tocsr(), "C": 0.013 * K, "K": K, "G": None}
+    if name == "G":
+        parts["G"] = sp.csr_matrix(([1.0, -1.0], ([3, 71], [71, 3])), shape=(n, n))
+    largest = abs(parts[name]).max()
+    off = sp.csr_matrix(([size * largest], ([5], [9])), shape=(n, n))
+    parts[name] = off + parts[name]
+    system = mb.MechanicalSystem(parts["M"], parts["C"], parts["K"], G=parts["G"])
+    if size > 1e-10:
+        with pytest.raises(mb.ModelError, match=rf"{name} is not .*entries 5, 9 .*{text}|{name} is not skew-symmetric"):
+            mb.modes(system, n=2)
+    elif name in "MK":
+        assert mb.modes(mb.MechanicalSystem(parts["M"], None, parts["K"]), n=2).n == 2
+
+
+def test_eigen_sensitivity_of_a_large_model_tells_what_to_do():
+    with pytest.raises(mb.RouteError, match="leave n= out"):
+        mb.eigen_sensitivity(mb.modes(mb.examples.chain(450), n=2))
+
+
 @pytest.mark.parametrize("damping", ["none", "proportional", "general"])
 def test_modes_of_a_sparse_mechanical_system(damping):
     """mb.modes(m, n=20) of scipy.sparse matrices against all modes of the same dense ones."""

@@ -15,7 +15,7 @@ from .._lib.border import core_errors
 from .._lib.text import without_rounding
 from ..errors import ModelError
 from ..results import Result, Stats, derived, quantity, result
-from .modal_result import ModalResult, array_of
+from .modal_result import ModalResult, array_of, refuse_sparse_model
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -312,6 +312,7 @@ def eigen_sensitivity(
     start = time.perf_counter()
     if not isinstance(modal, ModalResult):
         raise ModelError(f"eigen_sensitivity needs the result of mbrs.modes, got {type(modal).__name__}")
+    refuse_sparse_model(modal.system, "modal result")
     dof = len(modal.coordinates)
     parts = [_entries(name, a, dof) for name, a in (("dM", dM), ("dC", dC), ("dK", dK))]
     counts = {count for _, count in parts if count is not None}

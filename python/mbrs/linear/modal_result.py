@@ -13,7 +13,7 @@ import numpy as np
 
 from .. import _core
 from .._lib.text import number, without_rounding
-from ..errors import NameNotFoundError
+from ..errors import NameNotFoundError, RouteError
 from ..model.names import index
 from ..results import FIXED_LABELS, Result, Stats, added_counts, derived, quantity, result
 from .energy_shares import EnergyShares, energy_shares
@@ -307,6 +307,15 @@ def modal_result(system: Any, r: dict[str, Any], n: int | None, effects: tuple[s
         error=r["error"][:n],
         status=_status(r, n),
     )
+
+
+def refuse_sparse_model(system: Any, what: str) -> None:
+    """The lowest modes of a large model have no matrices."""
+    if type(system).__name__ == "SparseModel":
+        raise RouteError(
+            f"sensitivities of a {what} by sparse matrices, the lowest modes of a large model, are not available; leave n= out: "
+            "all modes come from dense matrices and have them"
+        )
 
 
 def array_of(a: Any) -> np.ndarray | None:

@@ -13,7 +13,7 @@ import numpy as np
 from .._lib.border import core_errors
 from .._lib.rotations import quaternion_matrix, skew
 from .._lib.text import without_rounding
-from ..errors import ModelError, RouteError
+from ..errors import ModelError
 from ..model.ports import Port, as_port
 from ..model.schema import BODY, MARKER
 from ..model.tables import Directions, directions, tables
@@ -22,7 +22,7 @@ from .eigen_sensitivity import EigenSensitivity, eigen_sensitivity
 from .frf import FrfResult, FrfSensitivity, frf_sensitivity
 from .linear_system import as_list
 from .linearization import Linearization
-from .modal_result import ModalResult
+from .modal_result import ModalResult, refuse_sparse_model
 from .parts import split
 from .response import ResponseResult, ResponseSensitivity, response_sensitivity
 from .state_result import StateResult
@@ -342,11 +342,7 @@ def sensitivity(result: Any, parameters: str | Sequence[str], *, equilibrium: Fo
 
 
 def _source(system: Any, what: str) -> Linearization:
-    if type(system).__name__ == "SparseModel":
-        raise RouteError(
-            f"sensitivities of a {what} by sparse matrices, the lowest modes of a large model, are not available; leave n= out: "
-            "all modes come from dense matrices and have them"
-        )
+    refuse_sparse_model(system, what)
     if not isinstance(system, Linearization):
         raise ModelError(
             f"sensitivities need a {what} computed from a mb.Model; a MechanicalSystem has no parameters "

@@ -30,6 +30,17 @@ _UNRESOLVED = 1e-8
 # Neighbouring roots this near (relative) are one repeated root. Too small: members of a group split by rounding. Too large: near roots
 # lose their own shapes. Pinned by tests/truth/test_crowded_modes.py.
 _SAME_ROOT = 1e-9
+# Asymmetry over the largest entry that counts as rounding, as of dense matrices. Too small: matrices of other programs are refused.
+# Too large: circulatory and gyroscopic parts are lost. Pinned by tests/linear/test_sparse_modes.py.
+_ASYMMETRY = 1e-10
+_PARTS = "pass the symmetric part as {} and the skew part as {}"
+_SYMMETRY = {
+    "M": (1.0, "a mass matrix must be symmetric"),
+    "C": (1.0, _PARTS.format("C", "G")),
+    "G": (-1.0, _PARTS.format("C", "G")),
+    "K": (1.0, _PARTS.format("K", "N")),
+    "N": (-1.0, _PARTS.format("K", "N")),
+}
 
 
 def is_large(model: Any, n: int | None) -> bool:
@@ -171,6 +182,26 @@ def _sigma(shift: float | None) -> float | None:
     return None if shift is None else (2.0 * np.pi * shift) ** 2
 
 
+def _symmetric_parts(system: Any) -> list[Any]:
+    """Sparse M, C, G, K, N without the rounding of their symmetry; the error names entries that are more."""
+    parts: list[Any] = []
+    for name, (sign, remedy) in _SYMMETRY.items():
+        matrix = getattr(system, name)
+        if matrix is None:
+            parts.append(None)
+            continue
+        gap = (matrix - sign * matrix.T).tocoo()
+        size = abs(matrix).max() if matrix.nnz else 0.0
+        if gap.nnz and abs(gap).max() > _ASYMMETRY * size:
+            worst = int(np.argmax(np.abs(gap.data)))
+            i, j = sorted((int(gap.row[worst]), int(gap.col[worst])))
+            kind = "symmetric" if sign > 0 else "skew-symmetric"
+            part = abs(gap.data[worst]) / size
+            raise ModelError(f"{name} is not {kind} (entries {i}, {j} differ by {part:.1e} of the largest); {remedy}")
+        parts.append(matrix if gap.nnz == 0 else (0.5 * (matrix + sign * matrix.T)).tocsr())
+    return parts
+
+
 def sparse_modes(
     system: Any, n: int | None, effects: tuple[str, ...], shift: float | None, start: float
 ) -> ModalResult:
@@ -179,9 +210,10 @@ def sparse_modes(
         raise ModelError(
             "modes of sparse matrices need n=, the number of the lowest modes, such as mb.modes(system, n=20)"
         )
-    D, S = _sum(system.C, system.G), _sum(system.K, system.N)
+    M, C, G, K, N = _symmetric_parts(system)
+    D, S = _sum(C, G), _sum(K, N)
     with core_errors(), Elapsed(f"lowest {n} modes of {system.M.shape[0]} coordinates"):
-        r = _lowest(system.M, D, S, n, _sigma(shift), symmetric=system.G is None and system.N is None)
+        r = _lowest(M, D, S, n, _sigma(shift), symmetric=system.G is None and system.N is None)
     damped = "eigenvalue" in r
     residual = r["residual"]
     if damped:
@@ -203,7 +235,7 @@ def sparse_modes(
     if not damped:
         error = np.where(s == 0.0, np.sqrt(r["error"]), 0.5 * r["error"])
     elif system.G is None and system.N is None:
-        error = _first_order(system.M, D, S, s, shape)
+        error = _first_order(M, D, S, s, shape)
     else:
         error = residual
     unresolved = r.get("verified") == "unverified" or not np.all(error[s != 0.0] <= _UNRESOLVED)
@@ -226,17 +258,17 @@ def sparse_modes(
         stats=Stats(time.perf_counter() - start, r["counts"], effects, route),
         error=error,
         status="unresolved" if unresolved else "converged",
-        cut_group=() if damped or shift is not None else _cut_group(system, r["lambda"], groups),
+        cut_group=() if damped or shift is not None else _cut_group(M, K, r["lambda"], groups),
     )
 
 
-def _cut_group(system: Any, lam: np.ndarray, groups: tuple[tuple[int, ...], ...]) -> tuple[int, ...]:
+def _cut_group(M: Any, K: Any, lam: np.ndarray, groups: tuple[tuple[int, ...], ...]) -> tuple[int, ...]:
     """Indices of the last group where more eigenvalues than those found lie within its blur: one inertia count tells."""
     n = len(lam)
-    if n == system.M.shape[0] or not lam[-1] > 0.0:
+    if n == M.shape[0] or not lam[-1] > 0.0:
         return ()
     with core_errors():
-        below = _core.sparse_count(_arrays(system.M), _arrays(system.K), lam[-1] * (1.0 + 2.0 * _SAME_ROOT))
+        below = _core.sparse_count(_arrays(M), _arrays(K), lam[-1] * (1.0 + 2.0 * _SAME_ROOT))
     if below is None or below <= n:
         return ()
     return groups[-1] if groups and groups[-1][-1] == n - 1 else (n - 1,)
