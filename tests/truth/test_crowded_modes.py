@@ -111,3 +111,12 @@ def test_crowded_damped_roots_of_a_long_row():
     error = np.abs(r.eigenvalue / known - 1).max()
     print(f"{r.stats.route}: error {error:.1e}, estimate {r.error.max():.1e}")
     assert error < 4 * r.error.max() < 1e-12 and r.status == "converged"
+
+
+def test_crowded_roots_of_a_large_damped_row_are_refused_with_a_remedy_that_works():
+    n = 1600
+    K = sp.diags([np.full(n - 1, -1.0), np.full(n, 2.53), np.full(n - 1, -1.0)], [-1, 0, 1]).tocsr()
+    system = mb.MechanicalSystem(sp.identity(n).tocsr(), 0.013 * sp.identity(n).tocsr(), K)
+    with pytest.raises(mb.ConvergenceError, match=r"1600 coordinates: .*reduce the matrices") as problem:
+        mb.modes(system, n=6)
+    assert "shift" not in str(problem.value)

@@ -182,8 +182,15 @@ def _sparse(system: Any, n: int | None, effects: tuple[str, ...], shift: float |
         return sparse_modes(system, n, effects, shift, start)
     except ConvergenceError as problem:
         size = system.M.shape[0]
-        if size > _DENSE_INSTEAD or (system.C is None and system.G is None and system.N is None):
-            raise ConvergenceError(f"modes of {size} coordinates: {problem}", problem.result) from None
+        general = system.C is not None or system.G is not None or system.N is not None
+        if size > _DENSE_INSTEAD or not general:
+            reason, remedy = str(problem).split("; ")[0], "give shift=, a frequency near the wanted modes"
+            if general:
+                remedy = (
+                    "the lowest roots of damped, gyroscopic or circulatory systems that lie this close are found up to "
+                    f"{_DENSE_INSTEAD} coordinates: reduce the matrices, for instance to the modes without damping"
+                )
+            raise ConvergenceError(f"modes of {size} coordinates: {reason}; {remedy}", problem.result) from None
     found = _dense(system, n, effects, None, shift, start)
     route = f"{found.stats.route} (dense: the sparse route did not converge)"
     return found.replaced(stats=replace(found.stats, route=route))
