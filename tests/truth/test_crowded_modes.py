@@ -59,7 +59,8 @@ def test_a_shift_must_make_sense():
     for options in ({"shift": 1.0}, {"shift": -1.0, "n": 2}, {"shift": float("nan"), "n": 2}, {"shift": "low", "n": 2}):
         with pytest.raises(mb.ModelError, match="shift"):
             mb.modes(s, **options)
-    damped = mb.MechanicalSystem(s.M, 0.1 * s.M, s.K)
+    dashpot = sp.csr_matrix(([0.1], ([3], [3])), shape=s.M.shape)
+    damped = mb.MechanicalSystem(s.M, 0.1 * s.M + dashpot, s.K)
     with pytest.raises(mb.ModelError, match="shift"):
         mb.modes(damped, n=2, shift=0.1)
 
@@ -116,7 +117,44 @@ def test_crowded_damped_roots_of_a_long_row():
 def test_crowded_roots_of_a_large_damped_row_are_refused_with_a_remedy_that_works():
     n = 1600
     K = sp.diags([np.full(n - 1, -1.0), np.full(n, 2.53), np.full(n - 1, -1.0)], [-1, 0, 1]).tocsr()
-    system = mb.MechanicalSystem(sp.identity(n).tocsr(), 0.013 * sp.identity(n).tocsr(), K)
+    dashpot = sp.csr_matrix(([0.02], ([731], [731])), shape=(n, n))
+    system = mb.MechanicalSystem(sp.identity(n).tocsr(), 0.013 * sp.identity(n).tocsr() + dashpot, K)
     with pytest.raises(mb.ConvergenceError, match=r"1600 coordinates: .*reduce the matrices") as problem:
         mb.modes(system, n=6)
     assert "shift" not in str(problem.value)
+
+
+@pytest.mark.parametrize(("a", "b"), [(0.013, 0.0), (0.0, 0.0021), (0.17, 0.0031), (4.1, 0.7), (-0.02, 0.003)])
+@pytest.mark.parametrize("shift", [None, 0.19])
+def test_proportional_damping_of_a_crowded_row_of_any_length(a, b, shift):
+    """s^2 + (a + b w^2) s + w^2 = 0 with the w of the row without damping, by LAPACK's tridiagonal solver."""
+    n, rng = 2300, np.random.default_rng(7)
+    k, m = rng.uniform(0.8, 1.2, n + 1), rng.uniform(0.7, 1.4, n)
+    diagonal, beside = k[1:] + k[:-1] + 0.53, -k[1:-1]
+    K, M = sp.diags([beside, diagonal, beside], [-1, 0, 1]).tocsr(), sp.diags(m).tocsr()
+    found = mb.modes(mb.MechanicalSystem(M, (a * M + b * K).tocsr(), K), n=6, shift=shift)
+    wanted = 0.46 if shift is None else (2 * np.pi * shift) ** 2
+    square = sl.eigh_tridiagonal(
+        diagonal / m, beside / np.sqrt(m[1:] * m[:-1]), eigvals_only=True, lapack_driver="stebz", select="v",
+        select_range=(0.0 if shift is None else wanted - 0.05, wanted + 0.05),
+    )  # fmt: skip
+    square = square[:6] if shift is None else square[np.sort(np.argsort(np.abs(square - wanted))[:6])]
+    assert len(square) == 6
+    exact = np.array([np.roots([1.0, a + b * w2, w2]) for w2 in square])
+    best = np.array([min(abs(s - exact.ravel())) for s in found.roots])
+    assert found.status == "converged" and "proportional" in found.stats.route and found.n == 6
+    assert np.all(best <= 1e-12 * np.abs(found.roots)) and np.all(
+        best[::2] <= 10 * found.error * np.abs(found.eigenvalue)
+    )
+    assert np.all(found.error < 1e-11) and len(np.unique(np.round(found.roots, 9))) == 12
+    assert np.all((found.eigenvalue.imag > 0) | (found.eigenvalue.imag == 0))
+
+
+def test_damping_that_is_nearly_proportional_takes_the_general_route():
+    n = 500
+    K = sp.diags([np.full(n - 1, -1.0), np.full(n, 2.07), np.full(n - 1, -1.0)], [-1, 0, 1]).tocsr()
+    M = sp.identity(n).tocsr()
+    for size, word in ((1e-15, "proportional"), (1e-9, "general")):
+        off = sp.csr_matrix(([size], ([3], [3])), shape=(n, n))
+        found = mb.modes(mb.MechanicalSystem(M, 0.01 * M + 0.003 * K + off, K), n=2)
+        assert ("proportional" in found.stats.route) == (word == "proportional"), found.stats.route

@@ -329,6 +329,7 @@ def _reduced(
         K=np.diag(square),
         KG=inertial_stiffness(grid, T, bool(fixed)) if stiffening else np.zeros((12, m, m)),
     )
+    C = modal_damping(plain(damping), np.sqrt(square), "beam")
     clamped, nodes_follow = bool(fixed), {}
     if stretch is not None:
         nodes_follow = stretched_nodes(where[at_nodes], line[at_nodes], stretch)
@@ -339,7 +340,7 @@ def _reduced(
         com=com,
         inertia=inertia,
         **integrals,
-        C=modal_damping(plain(damping), np.sqrt(square), "beam"),
+        C=C,
         driven=follows | nodes_follow,
         nodes=tuple(at),
         node_position=where[at_nodes],

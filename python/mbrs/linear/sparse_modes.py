@@ -33,6 +33,10 @@ _SAME_ROOT = 1e-9
 # Asymmetry over the largest entry that counts as rounding, as of dense matrices. Too small: matrices of other programs are refused.
 # Too large: circulatory and gyroscopic parts are lost. Pinned by tests/linear/test_sparse_modes.py.
 _ASYMMETRY = 1e-10
+# Rounding of an entry of C = a M + b K over the sizes of its terms. Too small: proportional damping takes the general route, where crowded
+# roots are refused. Too large: damping that is not proportional is called so; the error of roots would show it.
+# Pinned by tests/truth/test_crowded_modes.py.
+_PROPORTIONAL = 1e-12
 _PARTS = "pass the symmetric part as {} and the skew part as {}"
 _SYMMETRY = {
     "M": (1.0, "a mass matrix must be symmetric"),
@@ -202,6 +206,42 @@ def _symmetric_parts(system: Any) -> list[Any]:
     return parts
 
 
+def _proportional(M: Any, C: Any, K: Any) -> tuple[float, float] | None:
+    """a and b of C = a M + b K, by least squares; None where an entry differs by more than rounding of its terms."""
+    if C.nnz == 0:
+        return None
+    mm, mk, kk = (float(x.multiply(y).sum()) for x, y in ((M, M), (M, K), (K, K)))
+    mc, kc = (float(x.multiply(C).sum()) for x in (M, K))
+    determinant = mm * kk - mk * mk
+    if determinant > 1e-6 * mm * kk:
+        a, b = (kk * mc - mk * kc) / determinant, (mm * kc - mk * mc) / determinant
+    else:
+        a, b = mc / mm, 0.0
+    candidates = [(a, b), (a, 0.0), (0.0, b), (mc / mm, 0.0), (0.0, kc / kk if kk > 0.0 else 0.0)]
+    return next((pair for pair in candidates if _is_sum(M, C, K, *pair)), None)
+
+
+def _is_sum(M: Any, C: Any, K: Any, a: float, b: float) -> bool:
+    """Whether every entry of C is a M + b K but for rounding of its terms."""
+    rest = abs(C - a * M - b * K) - _PROPORTIONAL * (abs(a) * abs(M) + abs(b) * abs(K) + abs(C))
+    return bool(rest.max() <= 0.0)
+
+
+def _with_damping(r: dict[str, Any], a: float, b: float) -> dict[str, Any]:
+    """Roots of s^2 + (a + b lambda) s + lambda = 0 for the modes without damping; of two real ones the lower is the partner."""
+    lam = r.pop("lambda")
+    half = 0.5 * (a + b * lam)
+    square = half**2 - lam
+    root = np.sqrt(np.abs(square))
+    far = -half - np.where(half >= 0.0, root, -root)
+    near = np.divide(lam, far, out=np.zeros_like(far), where=far != 0.0)  # no digits cancel
+    real = square >= 0.0
+    r["eigenvalue"] = np.where(real, np.maximum(near, far), -half + 1j * root)
+    r["partner"] = np.where(real, np.minimum(near, far), -half - 1j * root)
+    r["route"] += ", proportional damping"
+    return r
+
+
 def sparse_modes(
     system: Any, n: int | None, effects: tuple[str, ...], shift: float | None, start: float
 ) -> ModalResult:
@@ -212,8 +252,12 @@ def sparse_modes(
         )
     M, C, G, K, N = _symmetric_parts(system)
     D, S = _sum(C, G), _sum(K, N)
+    proportional = None if C is None or G is not None or N is not None else _proportional(M, C, K)
     with core_errors(), Elapsed(f"lowest {n} modes of {system.M.shape[0]} coordinates"):
-        r = _lowest(M, D, S, n, _sigma(shift), symmetric=system.G is None and system.N is None)
+        if proportional is not None:
+            r = _with_damping(_core.sparse_modes(_arrays(M), None, _arrays(K), n, _sigma(shift)), *proportional)
+        else:
+            r = _lowest(M, D, S, n, _sigma(shift), symmetric=G is None and N is None)
     damped = "eigenvalue" in r
     residual = r["residual"]
     if damped:
@@ -234,7 +278,7 @@ def sparse_modes(
     # of lambda = -s^2, so half of it for s; of a rigid mode the blur around zero, as a frequency
     if not damped:
         error = np.where(s == 0.0, np.sqrt(r["error"]), 0.5 * r["error"])
-    elif system.G is None and system.N is None:
+    elif G is None and N is None:
         error = _first_order(M, D, S, s, shape)
     else:
         error = residual
@@ -289,7 +333,8 @@ def _first_order(M: Any, D: Any, S: Any, s: np.ndarray, x: np.ndarray) -> np.nda
     r = np.abs(s)
     slope = r * np.abs(2.0 * s * m + d)
     miss = np.abs(s * s * m + s * d + k) + _ENTRY_NOISE * np.finfo(float).eps * (r * r * size_m + r * size_d + size_k)
-    return np.asarray(np.divide(miss, slope, out=np.zeros_like(r), where=(slope > 0.0) & (s != 0.0)))
+    found = np.divide(miss, slope, out=np.zeros_like(r), where=(slope > 0.0) & (s != 0.0))
+    return np.where(s != 0.0, np.maximum(found, np.finfo(float).eps), 0.0)
 
 
 def _lowest(M: Any, D: Any, S: Any, n: int, sigma: float | None, symmetric: bool) -> dict[str, Any]:
