@@ -194,12 +194,13 @@ class Node(Attachable):
 
     @property
     def at(self) -> np.ndarray:
-        """World coordinates (3,) as drawn."""
-        return np.array(numbers(self.body.node_point(self.index)))
+        """World coordinates (3,) as drawn; expressions where the node follows parameters, so that what is drawn at it follows too."""
+        point = self.body.node_point(self.index)
+        return np.array(point, dtype=float if all(isinstance(v, float) for v in point) else object)
 
     def _port(self, kind: Any, direction: Axis) -> Port:
         frame = self.name if self.body.moves(self.index) else self.body.name
-        point = None if self.body.moves(self.index) else tuple(self.at)
+        point = None if self.body.moves(self.index) else tuple(numbers(self.body.node_point(self.index)))
         return make_port(kind, self.name, frame, None, direction, point)
 
     def force(self, direction: Axis) -> Port:
