@@ -44,6 +44,7 @@ SAYS = {
         ["standard errors", "mb.problem: converged", "mount.c[1]"],
         ["four-bar-identification.png"],
     ),
+    "flexible_boom.py": (["length -1.740", "gradient and differences agree: True"], ["flexible-boom.png"]),
     "four_bars.py": (["30 redundant"], ["four-bars.png", "four-bars-reactions.png", "four-bars.html"]),
     "bead_on_a_wire.py": (["constraint 'wire': 2 rows of positions", "closed form"], ["bead.png"]),
     "gap_problem.py": (["rejected", "energy kept"], ["gap-problem.png", "gap-problem-error.png"]),

@@ -222,7 +222,7 @@ def _proportional(M: Any, C: Any, K: Any) -> tuple[float, float] | None:
 
 
 def _is_sum(M: Any, C: Any, K: Any, a: float, b: float) -> bool:
-    """Whether every entry of C is a M + b K but for rounding of its terms."""
+    """True if every entry of C is a M + b K but for rounding of its terms."""
     rest = abs(C - a * M - b * K) - _PROPORTIONAL * (abs(a) * abs(M) + abs(b) * abs(K) + abs(C))
     return bool(rest.max() <= 0.0)
 
