@@ -1,6 +1,7 @@
 """A boom that swings and stops: how much it rings afterwards, and what its material, its wall and its length have to do with it.
 
-A tube of aluminium, clamped to a driven hinge, with a camera at its tip, without gravity; E, density, wall and length are parameters. Invented data.
+A tube of aluminium, clamped to a driven hinge, with a camera at its tip, without gravity; E, density, wall and length are
+parameters. Invented data.
 
 python examples/gradients/flexible_boom.py [folder for the picture]
 """
@@ -83,7 +84,9 @@ with style():
         left.plot(traj.t, 1e3 * traj.modal("boom")[:, SIDEWAYS], label=label)
     m.set({"length": values[3]})
     left.axvline(SWING, color="#6b7280", lw=0.8)
-    left.set(xlabel="t [s]", ylabel="sideways bending, modal coordinate [10$^{-3}$]", title="it swings, stops and rings")
+    left.set(
+        xlabel="t [s]", ylabel="sideways bending, modal coordinate [10$^{-3}$]", title="it swings, stops and rings"
+    )
     left.legend(loc="upper right")
     right.barh(NAMES, back.gradient * values / back.value)
     right.set(xlabel="change of the ringing in % for 1 %", title="what it depends on")

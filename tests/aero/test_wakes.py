@@ -110,6 +110,7 @@ def marched(case, wind, steps):
     return motion
 
 
+@pytest.mark.slow
 def test_a_wake_without_circulation_goes_with_the_wind():
     for yaw, tilt in ((0.0, 0.0), (0.4, -0.2)):
         rotor = wind_turbine()
@@ -127,6 +128,7 @@ def test_a_wake_without_circulation_goes_with_the_wind():
             assert motion.wake.far[:, :, age] == pytest.approx(then + drift, abs=1e-7 * rotor.radius)
 
 
+@pytest.mark.slow
 def test_convection_is_of_second_order():
     # a wind that shears and turns: v = A x + b; a particle goes with the matrix exponential
     rotor = wind_turbine()

@@ -82,6 +82,7 @@ def test_car_against_the_complex_step_of_the_reference(monkeypatch):
     assert max(errors) < 1e-9
 
 
+@pytest.mark.slow
 def test_car_by_every_number_over_the_bump(monkeypatch, car):
     """All 54 numbers at once: adjoint against direct, and a choice of them against differences of four points."""
     monkeypatch.setattr(_car, "BUMP_TIME", 0.05)

@@ -109,6 +109,7 @@ def test_the_difference_to_the_modal_method_is_of_second_order():
     assert off[1] < off[0] / 5
 
 
+@pytest.mark.slow
 def test_step_by_step():
     """Generalised-alpha of core and reference, equal steps, on a smaller rotor."""
     m = mb.examples.wind_rotor(modes=2, air=1.0)

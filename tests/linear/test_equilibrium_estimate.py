@@ -50,6 +50,7 @@ def angle_error(m, n, moments):
     return true, eq.error
 
 
+@pytest.mark.slow
 @pytest.mark.exact
 def test_estimated_error_is_the_true_one_over_random_cases():
     """true/estimated in [.01, 10] in 95 % of 200 random chains."""

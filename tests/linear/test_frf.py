@@ -110,6 +110,7 @@ def test_300_states_equal_direct_solves():
     assert h.stats.counts["frequencies"] == 50
 
 
+@pytest.mark.slow
 def test_estimated_error_is_the_true_one_over_random_cases():
     """true/estimated in [.01, 10] in 95 % of 200 random systems; true from 50 digits at 3 points per case."""
     rng = np.random.default_rng(11)
@@ -380,7 +381,8 @@ def test_a_sum_of_few_modes_says_what_is_missing():
         frf(s, 0, 0, omega=omega, modes=0)
 
 
-@pytest.mark.parametrize("damped", [pytest.param(False, marks=pytest.mark.slow), True])
+@pytest.mark.slow
+@pytest.mark.parametrize("damped", [False, True])
 def test_large_sparse_systems_stay_sparse(damped):
     import scipy.sparse as sp
 

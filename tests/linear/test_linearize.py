@@ -40,6 +40,7 @@ def test_trees_of_each_joint(kind):
     assert max(worst.values()) < TOLERANCE
 
 
+@pytest.mark.slow
 def test_trees_of_mixed_joints():
     found = []
     for seed in range(30):

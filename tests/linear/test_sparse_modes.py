@@ -333,6 +333,7 @@ def test_the_error_of_sparse_modes_is_the_solver_s_own():
     np.testing.assert_allclose(found.error[1:], 0.5 * r["error"][1:], rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_estimates_of_damped_roots_over_random_chains():
     """true/estimated of the lowest root in [.01, 10] in 95 % of 200 chains with damping C = c (K + K^2 / 9), which is not proportional,
     and closed-form roots.

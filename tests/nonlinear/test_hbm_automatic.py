@@ -115,6 +115,7 @@ def test_iterator_gives_each_point_once_while_harmonics_grow():
     assert np.all(np.abs(np.diff([p.omega for p in points])) > 0)
 
 
+@pytest.mark.slow
 def test_limit_cycle():
     for mu, tol in ((1.0, 1e-10), (5.0, 1e-8)):
         one = mb.limit_cycle(van_der_pol(mu), harmonics="auto", tol=tol)

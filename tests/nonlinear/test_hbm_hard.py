@@ -76,6 +76,7 @@ def test_grazing_contact_is_passed(ratio, bilateral, force, span):
     assert len(curve) < 300
 
 
+@pytest.mark.slow
 def test_stick_slip_through_full_stick():
     system = oscillator(Jenkins(0.5, 0.2, w=[1.0]), c=0.02)
     curve = frequency_response(system, force=[0.05], omega=(0.6, 1.6), harmonics=5)

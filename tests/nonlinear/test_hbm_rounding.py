@@ -52,6 +52,7 @@ def test_a_fine_beam_is_followed_without_stalling():
     assert at_the_end < 1e-3 and each < 6
 
 
+@pytest.mark.slow
 def test_a_beam_divided_too_finely_is_refused():
     system, force, _ = beam(60_000)
     with pytest.raises(SingularError, match="too finely"):

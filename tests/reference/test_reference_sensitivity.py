@@ -177,6 +177,7 @@ def test_closed_form_sensitivities_of_the_hexapod():
         shape_derivative(lin, m, d1, 0)
 
 
+@pytest.mark.slow
 def test_transfer_function_and_response_derivatives():
     """dH from the formula against a fourth-order difference of H; the response by a complex step through the
     exponential.

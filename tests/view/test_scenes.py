@@ -304,6 +304,7 @@ def test_names_are_under_the_pointer_and_groups_can_be_hidden():
     assert seen["boxes"] == ["names", "joints", "springs", "loads", "see through"] and seen["calls"] > 1000
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(shutil.which("node") is None, reason="node is not installed")
 @pytest.mark.filterwarnings("ignore::mbrs.errors.MbrsWarning")
 def test_modes_and_motions_paint_the_same_symbols():
