@@ -213,11 +213,10 @@ def _proportional(M: Any, C: Any, K: Any) -> tuple[float, float] | None:
     mm, mk, kk = (float(x.multiply(y).sum()) for x, y in ((M, M), (M, K), (K, K)))
     mc, kc = (float(x.multiply(C).sum()) for x in (M, K))
     determinant = mm * kk - mk * mk
+    candidates = [(mc / mm, 0.0), (0.0, kc / kk if kk > 0.0 else 0.0)]
+    # where M and K are nearly multiples of each other one of them is enough
     if determinant > 1e-6 * mm * kk:
-        a, b = (kk * mc - mk * kc) / determinant, (mm * kc - mk * mc) / determinant
-    else:
-        a, b = mc / mm, 0.0
-    candidates = [(a, b), (a, 0.0), (0.0, b), (mc / mm, 0.0), (0.0, kc / kk if kk > 0.0 else 0.0)]
+        candidates.append(((kk * mc - mk * kc) / determinant, (mm * kc - mk * mc) / determinant))
     return next((pair for pair in candidates if _is_sum(M, C, K, *pair)), None)
 
 
