@@ -171,15 +171,15 @@ Where a force is a Python function, or a law has no slope, evaluations are what 
 
 
 READING = """\
-- Against generalised-alpha, of order two, `bdf-bfgs` takes two thirds (heavy top) to a fifth (swing) of the evaluations for the same
-  error below 1e-4 m; with a Python force a quarter of the calls at 1e-6 m. At a stop it gains nothing, and below `rtol=1e-6` it takes
-  twenty times as many evaluations for a third of the error.
-- Against Newton's method in the variable-order scheme `bdf` it loses: three to six times as many evaluations for the same error, twice
-  as many on the flexible rotor, ten times at a stop, where every contact starts its history anew. This holds for Python calls, too: a
-  force of time needs no slope, so that tangents cost no calls. Tangents come on top of the evaluations of `bdf` (fifth column).
-- Where nothing is stiff the explicit scheme takes five to twenty times fewer evaluations.
-- The symmetric form takes up to two fifths fewer than the stabilised one, but failed at the stop with `rtol=1e-6`.
-- With `rtol=1e-3` the motion of the four-bars consists of start steps of order eight alone, hence its small error.
+- Against generalised-alpha, of order two, `bdf-bfgs` takes a third (swing, slider-crank) to a sixth (a stop) of the evaluations
+  at `rtol=1e-4`, for a smaller error; on the heavy top a third more, for a fifth of the error; with a Python force half of the
+  calls, for an eighth of the error.
+- Against Newton's method in the variable-order scheme `bdf`, whose formulas it shares, it takes three to six times as many
+  evaluations at the same `rtol`, for an error that is three to eight hundred times smaller: its tolerance is that of the whole
+  motion, that of `bdf` of a step. At equal error see [root.md](root.md). Tangents come on top of the evaluations of `bdf` (fifth
+  column).
+- Where nothing is stiff the explicit scheme takes a third to a twentieth of the evaluations.
+- The symmetric form takes up to a quarter fewer than the stabilised one, or as many.
 - So the derivative-free solver pays where there are no tangents to be had and the scene is too stiff for explicit steps; in mbrs every
   element and law has one. It is here as the method of its source and as a check on the others.
 """

@@ -8,18 +8,10 @@ use std::hint::black_box;
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use faer::Mat;
-use mbrs::analysis::assembly::assemble;
-use mbrs::analysis::frf::Reduction;
-use mbrs::analysis::linearize::{Linearization, Setting, linearize};
-use mbrs::analysis::modal::modes;
-use mbrs::analysis::ports::Ports;
-use mbrs::error::Result;
-use mbrs::linalg::quadratic::Quadratic;
-use mbrs::model::tables::Tables;
-use mbrs::run::{Cancel, Counts};
-use mbrs::second_order::SecondOrder;
-use mbrs::system::System;
-use mbrs::system::assemble::Effects;
+use mbrs::{
+    Cancel, Counts, Effects, Linearization, Ports, Quadratic, Reduction, Result, SecondOrder, Setting, System, Tables,
+    assemble, linearize, modes,
+};
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
 

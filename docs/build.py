@@ -15,6 +15,7 @@ TARGET = ROOT / "target"
 CASES = [
     "tests/manual",
     "tests/truth/test_rolling.py",
+    "tests/linear/test_air_lags.py",
     "tests/linear/test_modes_in_wind.py",
     "tests/aero/test_dynamic_stall.py",
     "tests/aero/test_filaments.py",
@@ -22,6 +23,7 @@ CASES = [
     "tests/aero/test_published_rotors.py",
     "tests/aero/test_wakes.py",
     "tests/aero/test_wings.py",
+    "tests/motion/test_air_states.py",
     "tests/motion/test_nonholonomic.py",
 ]
 

@@ -4,19 +4,10 @@ mod models;
 use std::f64::consts::TAU;
 
 use faer::Mat;
-use mbrs::analysis::assembly::assemble;
-use mbrs::analysis::equilibrium::{Equilibrium, equilibrium};
-use mbrs::analysis::frf::Reduction;
-use mbrs::analysis::linearize::{Linearization, Setting, linearize};
-use mbrs::analysis::modal::{Kind, modes};
-use mbrs::analysis::ports::Ports;
-use mbrs::error::{Error, Result};
-use mbrs::linalg::quadratic::Quadratic;
-use mbrs::model::tables::Tables;
-use mbrs::run::{Cancel, Counts};
-use mbrs::second_order::SecondOrder;
-use mbrs::system::System;
-use mbrs::system::assemble::Effects;
+use mbrs::{
+    Cancel, Counts, Effects, Equilibrium, Error, Kind, Linearization, Ports, Quadratic, Reduction, Result, SecondOrder,
+    Setting, System, Tables, assemble, equilibrium, linearize, modes,
+};
 
 fn dense(m: &nalgebra::DMatrix<f64>) -> Mat<f64> {
     Mat::from_fn(m.nrows(), m.ncols(), |i, j| m[(i, j)])

@@ -1,8 +1,6 @@
 //! Models written as Tables (docs/tables.md), for the integration tests and the benchmarks of the Rust API.
-use mbrs::joint::JointKind;
-use mbrs::model::layout::flag::{HAS_C, HAS_K};
-use mbrs::model::tables::{BodyRef, BodySpec, ElementKind, ElementSpec, JointSpec, Tables};
-use mbrs::tolerances::constraints::DRAWING;
+use mbrs::flag::{HAS_C, HAS_K};
+use mbrs::{BodyRef, BodySpec, DRAWING, ElementKind, ElementSpec, JointKind, JointSpec, Tables};
 
 const UPRIGHT: [f64; 4] = [1.0, 0.0, 0.0, 0.0];
 

@@ -245,8 +245,8 @@ CRATE = {
     "second_order": {"error", "tolerances", "run", "linalg", "force"},
     "solve": {"error", "tolerances", "run", "linalg"},
     "analysis": {
-        "error", "tolerances", "run", "spatial", "linalg", "expressions", "force", "joint", "model", "kinematics", "system",
-        "second_order", "solve",
+        "error", "tolerances", "run", "spatial", "aero", "linalg", "expressions", "force", "joint", "model", "kinematics",
+        "system", "second_order", "solve",
     },
 }  # fmt: skip
 

@@ -149,6 +149,26 @@ def test_docstrings_begin_with_a_noun_or_a_verb():
     assert list(clauses('def f():\n    """What it is."""\n')) == [(1, "What it is.")]
 
 
+# A name is a noun for a thing and a verb for what is computed: none of these tells a reader what it names.
+OBSCURE = {
+    "translated", "while_long", "hindrance", "of_family", "member_of", "framed", "parted", "entered", "taken", "picked", "marched",
+    "turned", "found", "asked", "abscissa", "readings", "guessed_start", "amplified",
+}  # fmt: skip
+
+
+def defined(source):
+    """(line, name) of functions and classes."""
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef)):
+            yield node.lineno, node.name
+
+
+def test_names_are_nouns_and_verbs():
+    found = [(path, *n) for path in files("python/mbrs") if path.suffix == ".py" for n in defined(read(path))]
+    wrong = [f"{path.relative_to(ROOT)}:{n}: {name}" for path, n, name in found if name.lower().strip("_") in OBSCURE]
+    assert len(found) > 2000 and not wrong, "\n".join(wrong)
+
+
 def test_no_document_that_is_not_here():
     found = []
     for path in ALL:

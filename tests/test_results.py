@@ -528,12 +528,12 @@ def test_files_that_were_made_by_hand_end_in_a_result_or_a_named_error(results, 
 def test_files_carry_format_and_version_and_newer_ones_are_refused(results, tmp_path):
     path = results("ModalResult").save(tmp_path / "a.json")
     data = json.loads(path.read_text())["data"]
-    assert data["mbrs"]["format"] == 2 and data["mbrs"]["version"] == mb.__version__
+    assert data["mbrs"]["format"] == 3 and data["mbrs"]["version"] == mb.__version__
     assert "[[body]]" in path.read_text()
-    data["mbrs"]["format"] = 3
+    data["mbrs"]["format"] = 4
     body = json.dumps(data)
     path.write_text(f'{{"sha256": "{hashlib.sha256(body.encode()).hexdigest()}",\n"data": {body}}}\n')
-    with pytest.raises(mb.errors.ModelError, match="has the format 3"):
+    with pytest.raises(mb.errors.ModelError, match="has the format 4"):
         mb.load(path)
 
 

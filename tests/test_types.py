@@ -7,6 +7,7 @@ import subprocess
 import sys
 
 import pytest
+import signatures
 from folders import ROOT
 
 RIGHT = """
@@ -72,3 +73,19 @@ def test_scripts_are_typed_and_mypy_refuses_what_the_package_refuses(checked):
     lines, said = checked
     assert lines["right.py"] == [], said
     assert lines["wrong.py"] == list(range(5, len(WRONG.splitlines()) + 1)), said
+
+
+# What a file holds is known only when it is read.
+UNKNOWN = {("load", "return")}
+
+
+def test_no_public_argument_and_no_result_is_untyped():
+    functions = list(signatures.functions())
+    found = {(f.__qualname__, name) for f in functions for name in signatures.untyped(f)}
+    assert len(functions) > 600 and found == UNKNOWN
+
+
+def test_untyped_arguments_are_found():
+    def one(a: int | Any, *b: Any, c: list[Any], d=3, **e: float) -> Any: ...  # noqa: F821
+
+    assert list(signatures.untyped(one)) == ["a", "b", "d", "return"]

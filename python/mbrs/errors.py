@@ -41,9 +41,9 @@ class SingularError(MbrsError):
 class ConvergenceError(MbrsError):
     """An iteration gave up. ``result`` carries what it had reached, or None."""
 
-    def __init__(self, message: str, result: Any = None) -> None:
+    def __init__(self, message: str, result: object = None) -> None:
         super().__init__(message)
-        self.result = result
+        self.result: Any = result
 
 
 class StoreError(MbrsError):
@@ -51,15 +51,15 @@ class StoreError(MbrsError):
     what was computed before, or None.
     """
 
-    def __init__(self, message: str, result: Any = None) -> None:
+    def __init__(self, message: str, result: object = None) -> None:
         super().__init__(message)
-        self.result = result
+        self.result: Any = result
 
 
 class DesignError(MbrsError):
     """A design of a sweep with ``on_error="raise"`` failed; ``design`` is its index, ``result`` carries the runs so far."""
 
-    def __init__(self, message: str, design: int = -1, result: Any = None) -> None:
+    def __init__(self, message: str, design: int = -1, result: object = None) -> None:
         super().__init__(message)
         self.design, self.result = design, result
 
@@ -84,9 +84,9 @@ class Interrupted(KeyboardInterrupt):
     [0.0, 1.5, 3.0]
     """
 
-    def __init__(self, message: str = "interrupted", result: Any = None) -> None:
+    def __init__(self, message: str = "interrupted", result: object = None) -> None:
         super().__init__(message, result)
-        self.result = result
+        self.result: Any = result
 
     def __str__(self) -> str:
         return str(self.args[0])

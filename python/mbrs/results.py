@@ -15,6 +15,8 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeVar, dataclass_transf
 import numpy as np
 
 if TYPE_CHECKING:
+    import pandas
+    import xarray
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
@@ -158,7 +160,7 @@ class Result:
                     found[name] = declared
         return found
 
-    def labels_of(self, dimension: str) -> Any:
+    def labels_of(self, dimension: str) -> Sequence[object] | np.ndarray | None:
         """Labels of a dimension, or None: modes count from 1, others have the names that the result holds."""
         if dimension in FIXED_LABELS:
             return FIXED_LABELS[dimension]
@@ -190,7 +192,7 @@ class Result:
         found = {dimension: self.labels_of(dimension) for dimension in used}
         return {dimension: _plain_array(labels) for dimension, labels in found.items() if labels is not None}
 
-    def to_xarray(self) -> Any:
+    def to_xarray(self) -> xarray.Dataset:
         """The declared quantities as an `xarray.Dataset` with units (needs ``pip install mbrs-dynamics[xarray]``)."""
         import xarray
 
@@ -228,7 +230,7 @@ class Result:
                     out[full + head] = column
         return out
 
-    def to_frame(self) -> Any:
+    def to_frame(self) -> pandas.DataFrame:
         """The table of `columns` as a `pandas.DataFrame` (needs ``pip install mbrs-dynamics[xarray]``)."""
         import pandas
 
@@ -297,7 +299,7 @@ class Result:
             state["error"] = None  # a closure of this process
         return state
 
-    def replaced(self, **changes: Any) -> Self:
+    def replaced(self, **changes: object) -> Self:
         """A copy with other fields; an estimate that was not asked for yet stays so."""
         return dataclasses.replace(self, **{"error": self.__dict__["error"], **changes})
 

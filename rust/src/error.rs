@@ -1,6 +1,7 @@
 //! The errors of the core: each names the object and the remedy, and becomes a Python class of its own at the border.
 use thiserror::Error;
 
+/// What can fail. Messages name the object and the remedy.
 #[derive(Debug, Clone, Error)]
 pub enum Error {
     /// The model itself is wrong: shapes, values, names.
@@ -17,7 +18,14 @@ pub enum Error {
     Singular(String),
     /// An iteration gave up; what it reached travels beside the message.
     #[error("{message}")]
-    Convergence { message: String, best: Vec<f64>, residual: f64 },
+    Convergence {
+        /// what did not converge
+        message: String,
+        /// what it reached
+        best: Vec<f64>,
+        /// and how far that is from a solution
+        residual: f64,
+    },
     /// A derivative that does not exist.
     #[error("{0}")]
     NotDifferentiable(String),
@@ -26,17 +34,21 @@ pub enum Error {
     Interrupted,
 }
 
+/// Of everything that can fail.
 pub type Result<T> = std::result::Result<T, Error>;
 
 impl Error {
+    /// A model that is wrong.
     pub fn model(message: impl Into<String>) -> Self {
         Error::Model(message.into())
     }
 
+    /// A route that does not support something.
     pub fn route(message: impl Into<String>) -> Self {
         Error::Route(message.into())
     }
 
+    /// A matrix that is singular.
     pub fn singular(message: impl Into<String>) -> Self {
         Error::Singular(message.into())
     }

@@ -3,7 +3,8 @@ use faer::Mat;
 
 use crate::error::{Error, Result};
 use crate::linalg::dense::{asymmetry, is_finite, is_zero, symmetrised};
-use crate::tolerances::modes::ENTRY_ROUNDING;
+use crate::tolerances::matrices::ASYMMETRY;
+use crate::tolerances::modes::{ENTRY_ROUNDING, INDEFINITE};
 
 /// Dense matrices, n x n. Absent ones are None, so that what is absent costs nothing.
 #[derive(Debug, Clone)]
@@ -23,9 +24,6 @@ pub struct SecondOrder {
     /// Any factor with M = mf^T mf; it holds light bodies that rounding has erased from an assembled M.
     pub mf: Option<Mat<f64>>,
 }
-
-/// Relative asymmetry that counts as rounding.
-const ROUNDING: f64 = 1e-10;
 
 impl SecondOrder {
     /// Checks sizes, symmetry and finiteness; matrices that are zero become absent.
@@ -76,6 +74,7 @@ impl SecondOrder {
         SecondOrder { k: cleaned(self.k), c: self.c.map(cleaned).filter(|c| !is_zero(c.as_ref())), ..self }
     }
 
+    /// Number of coordinates.
     pub fn size(&self) -> usize {
         self.m.nrows()
     }
@@ -132,7 +131,8 @@ impl SecondOrder {
 fn cleaned(a: Mat<f64>) -> Mat<f64> {
     let size: Vec<f64> = (0..a.nrows()).map(|i| a[(i, i)].abs()).collect();
     let is_rounding = |i: usize, j: usize, v: f64| {
-        v * v > size[i] * size[j] * (1.0 + 1e-12) && v.abs() <= ENTRY_ROUNDING * f64::EPSILON * size[i].max(size[j])
+        v * v > size[i] * size[j] * (1.0 + INDEFINITE)
+            && v.abs() <= ENTRY_ROUNDING * f64::EPSILON * size[i].max(size[j])
     };
     Mat::from_fn(a.nrows(), a.ncols(), |i, j| if i != j && is_rounding(i, j, a[(i, j)]) { 0.0 } else { a[(i, j)] })
 }
@@ -158,18 +158,41 @@ fn checked(name: &str, a: Mat<f64>, size: usize, sign: f64) -> Result<Mat<f64>> 
         return Err(Error::model(format!("{name} contains NaN or infinite entries")));
     }
     let (gap, i, j) = asymmetry(a.as_ref(), sign);
-    if gap > ROUNDING {
-        return Err(Error::model(unsymmetric(name, sign, gap, i, j)));
-    }
+    check_symmetry(name, gap, i, j)?;
     Ok(if sign > 0.0 { symmetrised(a) } else { Mat::from_fn(size, size, |i, j| 0.5 * (a[(i, j)] - a[(j, i)])) })
 }
 
-fn unsymmetric(name: &str, sign: f64, gap: f64, i: usize, j: usize) -> String {
-    let wanted = if sign > 0.0 { "symmetric" } else { "skew-symmetric" };
+/// The matrix of this name must be symmetric (M, C, K) or skew (G, N): an error where entries i, j differ by more than rounding, `gap`
+/// of the largest entry.
+pub fn check_symmetry(name: &str, gap: f64, i: usize, j: usize) -> Result<()> {
+    if gap <= ASYMMETRY {
+        return Ok(());
+    }
+    let wanted = if matches!(name, "G" | "N") { "skew-symmetric" } else { "symmetric" };
     let remedy = match name {
         "M" => "a mass matrix must be symmetric",
         "C" | "G" => "pass the symmetric part as C and the skew part as G",
         _ => "pass the symmetric part as K and the skew part as N",
     };
-    format!("{name} is not {wanted} (entries {i}, {j} differ by {gap:.1e} of the largest); {remedy}")
+    Err(Error::model(format!("{name} is not {wanted} (entries {i}, {j} differ by {gap:.1e} of the largest); {remedy}")))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn asymmetry_counts_from_its_bound_on() {
+        assert!(check_symmetry("K", 1e-11, 0, 1).is_ok());
+        assert!(check_symmetry("K", 1e-9, 0, 1).is_err() && check_symmetry("K", f64::NAN, 0, 1).is_err());
+    }
+
+    #[test]
+    fn an_entry_of_rounding_that_no_semidefinite_matrix_has_is_dropped() {
+        let left = |excess: f64| {
+            let v = 1e-16 * (1.0 + excess).sqrt();
+            cleaned(faer::mat![[1.0, v], [v, 1e-32]])[(0, 1)]
+        };
+        assert!(left(1e-11) == 0.0 && left(1e-13) != 0.0);
+    }
 }

@@ -105,7 +105,7 @@ def marched(case, wind, steps):
     motion = case.marching(case.wake(np.zeros((case.rotor.count, case.options.strips)), case.path(0.0)), 0.0)
     for step in range(1, steps + 1):
         frame = case.frame(step)
-        lines = case.lines.turned(frame.rotation)
+        lines = case.lines.rotate(frame.rotation)
         motion.accept(motion.correct(motion.predict(lines, frame), lines, frame), frame)
     return motion
 
@@ -119,7 +119,7 @@ def test_a_wake_without_circulation_goes_with_the_wind():
         motion = marched(case, case.air, 120)
         near = motion.wake.near
         for age in range(near.shape[2]):
-            left = case.lines.turned(case.frame(120 - age).rotation).trailing
+            left = case.lines.rotate(case.frame(120 - age).rotation).trailing
             assert near[:, :, age] == pytest.approx(left + age * o.turn * case.wind, abs=1e-7 * rotor.radius)
         blade = motion.wake.roll_up()[0] - o.lattice * o.turn * case.wind
         for age in range(motion.wake.far.shape[2]):
@@ -143,7 +143,7 @@ def test_convection_is_of_second_order():
         total = 4 * steps
         motion = marched(case, lambda x: x @ a.T + b, total)
         age = steps // 4
-        left = case.lines.turned(case.frame(total - age).rotation).trailing
+        left = case.lines.rotate(case.frame(total - age).rotation).trailing
         flow = expm(np.block([[a, b[:, None]], [np.zeros((1, 4))]]) * age * case.options.turn)
         truth = left @ flow[:3, :3].T + flow[:3, 3]
         errors.append(np.abs(motion.wake.near[:, :, age] - truth).max())

@@ -18,9 +18,9 @@ def spin(s):
     return s.angular_velocity("hub")[0] + s.position("blade2")[1]
 
 
-def free_rotor():
+def free_rotor(inflow="bem", **more):
     """A rotor that wind turns, in shear across its axis: loads differ over the disc."""
-    m, _ = rotor(sections=4, shear=0.2)
+    m, _ = rotor(inflow, sections=4, shear=0.2, **more)
     m.set({"air.direction": [1.0, 0.2, 0.1]})
     return m
 
@@ -32,6 +32,8 @@ CASES = {
     "rigid, momentum": (lambda: vane(flexible=False, inflow="bem", **SHEARED), swing, [*AIR, "arm.com[0]", "arm.mass"], ()),
     "flexible, momentum": (lambda: vane(inflow="bem", **SHEARED), swing, [*AIR, "hinge.c"], ()),
     "rotor that runs free": (free_rotor, spin, ["air.speed", "air.pitch", "air.shear", "hub.inertia[0,0]"], ("drives",)),
+    "rotor with states": (lambda: free_rotor("dynamic-inflow", attached=True, stall=3.7), spin,
+                          ["air.speed", "air.pitch", "air.stall", "hub.inertia[0,0]"], ("drives",)),
 }  # fmt: skip
 
 
@@ -63,7 +65,7 @@ def test_gradients_in_wind_are_exact(name, scheme):
         assert abs(d) * size > 1e-6 * largest, p
 
 
-@pytest.mark.parametrize("inflow", ["dynamic-inflow", "free-wake"])
+@pytest.mark.parametrize("inflow", ["prescribed-wake", "free-wake"])
 def test_inflow_with_steps_of_its_own_is_refused_by_name(inflow):
     m, _ = rotor(inflow, sections=4)
     with pytest.raises(

@@ -120,6 +120,7 @@ def stiff(k):
         (1e2, {"step": 0.01}, "explicit"),
         (1e4, {"step": 0.02}, "ali3p"),
         (1e8, {"step": 0.01}, "ali3p"),
+        (1e8, {"rtol": 1e-6}, "radau"),
     ],
 )
 def test_auto_takes_the_explicit_scheme_where_nothing_is_stiff(k, options, scheme):

@@ -249,9 +249,12 @@ def test_bad_objectives(function, error, message):
 WRONG = [
     ({"parameters": ["spring1.lenght"]}, "length"),
     ({"parameters": []}, "no parameter"),
-    ({"scheme": "bdf"}, "'bdf' has no sensitivities; those that have are scheme='explicit', scheme='ali3p'"),
+    (
+        {"scheme": "bdf"},
+        "'bdf' has no sensitivities; those that have are scheme='explicit', scheme='radau', scheme='ali3p'",
+    ),
     ({"scheme": "explicit", "rho": 0.5}, "rho= belongs to"),
-    ({"scheme": None}, "no sensitivities"),
+    ({"scheme": "trapezoidal"}, "no sensitivities"),
     ({"method": "forward"}, "'direct', 'adjoint', 'auto'"),
     ({"t": np.nan}, "t= must be"),
     ({"t": -1.0}, "t= must be"),

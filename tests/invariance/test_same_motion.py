@@ -3,7 +3,6 @@
 import warnings
 from functools import lru_cache
 
-import jitter
 import mbrs as mb
 import numpy as np
 import pytest
@@ -33,12 +32,6 @@ def places(model, method, bodies, time=1.0):
     return np.array([traj.position(body) for body in bodies])
 
 
-# Corrections of a step that the rounding of far places makes neither shrink nor fall below the floor of Newton's method: of the loop
-# this depends on the noise. The same steps are refused in test_same_sensitivities.
-FAR = ("generalized-alpha", "loop", "moved")
-REFUSED = "the steps of a model far from the origin are refused where the rounding of its places shows"
-
-
 @lru_cache
 def expected(name, method):
     return places(drawn(name), method, zoo.bodies(drawn(name)))
@@ -50,12 +43,7 @@ def cases():
             name, change = case.values
             if method == "explicit" and change == "stiff part":
                 continue  # an explicit method has to follow its vibration
-            stuck = jitter.seed() is not None and (method, name, change) == FAR
-            marks = [pytest.mark.xfail(strict=False, reason=REFUSED)] if stuck else []
-            if (method, name, change) == ("radau", "isolator", "stiff part"):
-                # its estimate counts rates of a vibration that moves nothing which the tolerance sees
-                marks.append(pytest.mark.xfail(strict=True, reason="1500 steps are not enough"))
-            yield pytest.param(method, name, change, id=f"{method}-{name}-{change}", marks=marks)
+            yield pytest.param(method, name, change, id=f"{method}-{name}-{change}")
 
 
 @pytest.mark.parametrize(("method", "name", "change"), list(cases()))

@@ -116,14 +116,11 @@ def at_rest(model):
         return mb.equilibrium(model)
 
 
-def cases(models=MODELS, which=CHANGES, failing=()):
-    """All pairs; ``failing``: what fails today, {(model, change): reason}."""
-    failing = dict(failing)
+def cases(models=MODELS, which=CHANGES):
+    """All pairs."""
     for model in models:
         for change in which:
-            reason = failing.get((model, change))
-            marks = [] if reason is None else [pytest.mark.xfail(strict=True, reason=reason)]
-            yield pytest.param(model, change, id=f"{model}-{change}", marks=marks)
+            yield pytest.param(model, change, id=f"{model}-{change}")
 
 
 def bodies(model):

@@ -11,6 +11,7 @@ from mbrs.linear.matrices import MechanicalSystem
 from mbrs.model.laws import Cubic, Gap, Jenkins, VanDerPol, VaryingStiffness
 from mbrs.nonlinear.branch import Branch
 from mbrs.nonlinear.frequency_response import frequency_response
+from mbrs.nonlinear.options import Fourier
 from mbrs.nonlinear.periodic import harmonic_balance
 from mbrs.reference import hbm_shooting
 from oracles import hbm_continuation
@@ -187,7 +188,7 @@ def test_hill_and_monodromy_agree():
 
     system = neimark_sacker_system()
     one = harmonic_balance(system, force=[0.11, 0.0], omega=1.0, harmonics=15)
-    setup = balance.prepare(system, [0.11, 0.0], 15, omega=1.0)
+    setup = balance.prepare(system, [0.11, 0.0], Fourier(15))
     exponents, phi = setup.core.floquet(setup.start(one), [1.0], monodromy=True)
     by_hill = np.sort_complex(np.exp(exponents * one.period))
     assert np.max(np.abs(by_hill - np.sort_complex(np.linalg.eigvals(phi)))) < 1e-7
@@ -212,7 +213,7 @@ def test_stability_along_a_branch_is_that_of_hill(name):
     worst = 0.0
     for i in range(0, len(response), 7):
         one = response.point(i)
-        setup = balance.prepare(system, force, 11, omega=one.omega)
+        setup = balance.prepare(system, force, Fourier(11), one.omega)
         hill, _ = setup.core.floquet(setup.start(one), [one.omega])
         theirs = np.exp(hill * one.period)
         ours = np.exp(response.exponents[i] * one.period)

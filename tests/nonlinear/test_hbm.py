@@ -16,6 +16,7 @@ from mbrs.model.laws import (
     VanDerPol,
     VaryingStiffness,
 )
+from mbrs.nonlinear.options import Fourier
 from mbrs.nonlinear.periodic import harmonic_balance
 from mbrs.reference import hbm_balance
 
@@ -86,7 +87,7 @@ def test_core_equals_reference(name, harmonics, subharmonic):
 def test_jacobian_equals_reference(name):
     from mbrs.nonlinear import balance
 
-    setup = balance.prepare(SYSTEMS[name], FORCE, 3, n_samples=512)
+    setup = balance.prepare(SYSTEMS[name], FORCE, Fourier(3, 512))
     y = np.sin(np.arange(14.0))
     core = setup.core.residual(y, [1.3])
     R, J, R_omega = hbm_balance.residual(SYSTEMS[name], y, FORCE, 1.3, (1, 2, 3), 512)

@@ -9,6 +9,7 @@ from mbrs.linear.matrices import MechanicalSystem
 from mbrs.model.laws import Cubic, Jenkins, VanDerPol
 from mbrs.nonlinear import balance
 from mbrs.nonlinear.frequency_response import frequency_response
+from mbrs.nonlinear.options import Fourier
 from mbrs.nonlinear.periodic import harmonic_balance
 from oracles import hbm_condensation
 
@@ -84,7 +85,7 @@ def test_condensed_equals_reference():
     ("kind", "elements"), [("proportional", ELEMENTS), ("dashpot", ELEMENTS), ("gyroscopic", DENSE)]
 )
 def test_slope_by_frequency(kind, elements):
-    setup = balance.prepare(chain(N, elements, kind=kind), force(N), 3, condense=True)
+    setup = balance.prepare(chain(N, elements, kind=kind), force(N), Fourier(3, condense=True))
     y = np.sin(np.arange(float(setup.core.size)))
     h = 1e-6
     high, low = (setup.core.residual(y, [0.4 + d])["residual"] for d in (h, -h))
@@ -109,10 +110,10 @@ def test_free_free_structure_keeps_its_rigid_motion():
     loose = MechanicalSystem(
         M2, 0.02 * K2 + 0.01 * M2, K2 + 0.05 * sp.diags(unit(2 * n, (n, 1.0))), elements=ground[:1]
     )
-    sparse = balance.prepare(loose, {1: f[1]}, 3, condense=True)
+    sparse = balance.prepare(loose, {1: f[1]}, Fourier(3, condense=True))
     assert sparse.route.startswith("condensed") and sparse.linear.core.size == 1
     free = MechanicalSystem(M2, 0.02 * K2 + 0.01 * M2, K2, elements=ground[:1])
-    kept = balance.prepare(free, {1: f[1]}, 3, condense=True)
+    kept = balance.prepare(free, {1: f[1]}, Fourier(3, condense=True))
     assert kept.linear.core.size == 2  # one coordinate of the second, free chain joined the one that is touched
 
 
@@ -122,7 +123,7 @@ def test_sparse_route_keeps_free_coordinates_too():
     K2, M2 = sp.block_diag([K, K]).tocsc(), sp.block_diag([M, M]).tocsc()
     C2 = 0.02 * K2 + sp.diags(unit(2 * n, (5, 0.1)))
     system = MechanicalSystem(M2, C2, K2, elements=[Cubic(1.0, w=unit(2 * n, (0, 1.0)))])
-    setup = balance.prepare(system, {1: unit(2 * n, (3, 0.1))}, 3, condense=True)
+    setup = balance.prepare(system, {1: unit(2 * n, (3, 0.1))}, Fourier(3, condense=True))
     assert setup.route == "condensed, sparse" and setup.linear.core.size == 2
 
 
@@ -227,7 +228,7 @@ def test_stability_of_a_large_system_by_a_reduced_model():
     assert curve.exponents.shape[1] < 60 and kinds == ["fold", "fold"]  # 60 would be the whole system
     off = 0.0
     for i in range(0, len(curve), 8):
-        whole = balance.prepare(system, force, 5, omega=float(curve.omega[i]), condense=False)
+        whole = balance.prepare(system, force, Fourier(5, condense=False), float(curve.omega[i]))
         exact = whole.core.floquet(whole.start(curve.X[i]), [float(curve.omega[i])])[0]
         slowest = np.sort(exact.real)[-2:]
         own = np.sort(curve.exponents[i].real[np.isfinite(curve.exponents[i].real)])[-2:]
@@ -252,7 +253,7 @@ def test_stability_is_not_claimed_without_a_model():
     system, force = long_chain(n, lambda w: Cubic(1.0, w=w))
     laws = [Cubic(0.01, w=row) for row in np.eye(n)[:97]]
     many = MechanicalSystem(system.M, system.C, system.K, elements=laws)
-    one = balance.prepare(many, force, 1, omega=1.0, condense=True)
+    one = balance.prepare(many, force, Fourier(1, condense=True))
     assert one.model(1.0) is None and one.exponents(np.zeros(one.core.size), 1.0) is None
 
 

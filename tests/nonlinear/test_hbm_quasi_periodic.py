@@ -239,7 +239,7 @@ def test_branch_in_one_of_the_frequencies():
     for i in (0, len(curve) // 2, len(curve) - 1):
         again = quasi_periodic(costar(), two_sines(float(curve.omega[i, 1])), harmonics=7, x0=curve.point(i))
         assert np.allclose(again.X, curve.X[i], atol=1e-9)
-    name, values = curve.along
+    values, name = curve.axis()
     assert name == "omega[1]" and np.array_equal(values, curve.omega[:, 1])
     assert curve.to_xarray().X.shape[0] == len(curve)
 

@@ -30,6 +30,13 @@ def count(name: str, value: Any, most: int, least: int = 1) -> int:
     return int(value)
 
 
+def positive(name: str, value: Any) -> float:
+    """A positive finite number."""
+    if isinstance(value, bool) or not isinstance(value, int | float | np.number) or not 0 < value < np.inf:
+        raise ModelError(f"{name} must be a positive number, it is {shown(value)}")
+    return float(value)
+
+
 def flag(name: str, value: Any) -> bool:
     """True or False."""
     if not isinstance(value, bool | np.bool_):

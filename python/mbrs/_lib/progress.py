@@ -171,6 +171,6 @@ def _duration(seconds: float) -> str:
     return f"{seconds / 3600.0:.1f} h"
 
 
-def while_long(label: str, work: float) -> AbstractContextManager[Any]:
+def call_progress(label: str, work: float) -> AbstractContextManager[Any]:
     """`Elapsed` for work of that many operations, nothing where it is over before anyone could look."""
     return Elapsed(label) if work > _LONG else nullcontext()

@@ -31,7 +31,8 @@ HOMES: Mapping[str, str] = {
     **dict.fromkeys(("Trajectory", "Energy"), "motion.trajectory"),
     **dict.fromkeys(("FrequencyResponse", "Part"), "nonlinear.response_curve"),
     **dict.fromkeys(("ParameterResponse", "OfModel"), "nonlinear.parameter_response"),
-    **dict.fromkeys(("Branch",), "nonlinear.branch"),
+    "Branch": "nonlinear.branch",
+    **dict.fromkeys(("Fourier", "Continuation"), "nonlinear.options"),
     **dict.fromkeys(("Event", "BranchPoint", "Chunks"), "nonlinear.branch_points"),
     **dict.fromkeys(("LinearSystem", "Origin"), "linear.linear_system"),
     **dict.fromkeys(
@@ -84,7 +85,7 @@ HOMES: Mapping[str, str] = {
 # functions that make again what the core holds, or compute an estimate when it is first asked for
 FUNCTIONS: Mapping[str, str] = {
     "prepare": "nonlinear.balance",
-    "of_family": "nonlinear.balance",
+    "prepare_family": "nonlinear.balance",
     "_estimated_error": "motion.simulate",
 }
 

@@ -27,7 +27,7 @@ from .records import Encoder
 from .version import __version__
 
 # of the layout that `document` writes; a reader refuses newer ones
-FORMAT = 2
+FORMAT = 3
 MARK = b"\nmbrs sha256 "
 
 

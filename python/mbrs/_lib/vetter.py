@@ -13,12 +13,15 @@ from __future__ import annotations
 
 import operator
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..errors import ModelError, NotDifferentiableError
 from .checks import shown
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
 
 __all__ = [
     "Derivative",
@@ -74,7 +77,7 @@ def _blocks(d: Any, s: int, t: int, name: str) -> tuple[np.ndarray, int, int]:
     return out, out.shape[0] // s, out.shape[1] // t
 
 
-def kron(a: Any, b: Any) -> np.ndarray:
+def kron(a: ArrayLike, b: ArrayLike) -> np.ndarray:
     """The Kronecker product: block (i, k) is a_ik b. (p, q) and (r, u) give (p r, q u); O(p q r u)."""
     return np.kron(_matrix(a, "a"), _matrix(b, "b"))
 
@@ -109,17 +112,17 @@ def permutation(p: int, q: int) -> np.ndarray:
     return out
 
 
-def cs(a: Any) -> np.ndarray:
+def cs(a: ArrayLike) -> np.ndarray:
     """The column string (p q, 1): the columns one below the other, eq. 4."""
     return _matrix(a, "a").reshape(-1, 1, order="F")
 
 
-def rs(a: Any) -> np.ndarray:
+def rs(a: ArrayLike) -> np.ndarray:
     """The row string (1, p q): the rows side by side, eq. 5."""
     return _matrix(a, "a").reshape(1, -1)
 
 
-def vetter(d: Any, of: Sequence[int], value_ndim: int | None = None) -> np.ndarray:
+def vetter(d: ArrayLike, of: Sequence[int], value_ndim: int | None = None) -> np.ndarray:
     """Block layout of a derivative that ends in the shape of the parameter; eq. 6.
 
     Parameters
@@ -158,7 +161,7 @@ def vetter(d: Any, of: Sequence[int], value_ndim: int | None = None) -> np.ndarr
     return np.transpose(out, (*range(m), m + 2, m, m + 3, m + 1)).reshape(*front, s * p, t * q)
 
 
-def entries(d: Any, of: Sequence[int]) -> np.ndarray:
+def entries(d: ArrayLike, of: Sequence[int]) -> np.ndarray:
     """The inverse of `vetter`: from (p s, q t) to (p, q, s, t)."""
     s, t = _shape(of, "of")
     out, p, q = _blocks(d, s, t, "the derivative")
@@ -172,7 +175,7 @@ class Derivative(np.ndarray):
     value_ndim: int = 0
 
     @classmethod
-    def of(cls, array: Any, parameter_shape: Sequence[int], value_ndim: int) -> Derivative:
+    def of(cls, array: ArrayLike, parameter_shape: Sequence[int], value_ndim: int) -> Derivative:
         """View an array (..., value, parameter) as a derivative."""
         out = np.asarray(array).view(cls)
         out.parameter_shape, out.value_ndim = tuple(parameter_shape), value_ndim
@@ -194,7 +197,7 @@ def _rebuilt(array: np.ndarray, shape: tuple[int, ...], value_ndim: int) -> Deri
     return Derivative.of(array, shape, value_ndim)
 
 
-def derivative(f: Callable[[np.ndarray], Any], b: Any) -> np.ndarray:
+def derivative(f: Callable[[np.ndarray], Any], b: ArrayLike) -> np.ndarray:
     """dA/dB in block layout of a function that accepts complex matrices, by complex steps; s t calls.
 
     Entries of B without any effect are tried by a difference, too.
@@ -244,7 +247,7 @@ def _silent(f: Callable[[np.ndarray], Any], b: np.ndarray, k: int) -> None:
         )
 
 
-def product_rule(a: Any, da: Any, d: Any, dd: Any, of: Sequence[int]) -> np.ndarray:
+def product_rule(a: ArrayLike, da: ArrayLike, d: ArrayLike, dd: ArrayLike, of: Sequence[int]) -> np.ndarray:
     """d(A D)/dB = dA/dB (I_t kron D) + (I_s kron A) dD/dB, eq. 7.
 
     Parameters
@@ -265,7 +268,7 @@ def product_rule(a: Any, da: Any, d: Any, dd: Any, of: Sequence[int]) -> np.ndar
     return np.asarray(da) @ np.kron(np.eye(t), right) + np.kron(np.eye(s), left) @ np.asarray(dd)
 
 
-def kron_rule(a: Any, da: Any, c: Any, dc: Any, of: Sequence[int]) -> np.ndarray:
+def kron_rule(a: ArrayLike, da: ArrayLike, c: ArrayLike, dc: ArrayLike, of: Sequence[int]) -> np.ndarray:
     """d(A kron C)/dB = dA/dB kron C + (I_s kron U_pr)(dC/dB kron A)(I_t kron U_uq), eq. 8; A (p, q), C (r, u)."""
     s, t = _shape(of, "of")
     left, right = _matrix(a, "a"), _matrix(c, "c")
@@ -276,7 +279,7 @@ def kron_rule(a: Any, da: Any, c: Any, dc: Any, of: Sequence[int]) -> np.ndarray
     return np.kron(np.asarray(da), right) + outer[0] @ np.kron(np.asarray(dc), left) @ outer[1]
 
 
-def chain_rule(da_dc: Any, dc: Any, a: Sequence[int], c: Sequence[int], of: Sequence[int]) -> np.ndarray:
+def chain_rule(da_dc: ArrayLike, dc: ArrayLike, a: Sequence[int], c: Sequence[int], of: Sequence[int]) -> np.ndarray:
     """dA(C(B))/dB = (I_s kron dA/d rs C)(d(rs C)^T/dB kron I_q), eq. 9, first form.
 
     Parameters
@@ -297,7 +300,9 @@ def chain_rule(da_dc: Any, dc: Any, a: Sequence[int], c: Sequence[int], of: Sequ
     return outer @ np.kron(vetter(along[:, None], (s, t), 2), np.eye(q))
 
 
-def chain_rule_columns(da_dc: Any, dc: Any, a: Sequence[int], c: Sequence[int], of: Sequence[int]) -> np.ndarray:
+def chain_rule_columns(
+    da_dc: ArrayLike, dc: ArrayLike, a: Sequence[int], c: Sequence[int], of: Sequence[int]
+) -> np.ndarray:
     """dA(C(B))/dB = (d(cs C)^T/dB kron I_p)(I_t kron dA/d cs C), eq. 9, second form; arguments as `chain_rule`."""
     (p, q), (r, u), (s, t) = _shape(a, "a"), _shape(c, "c"), _shape(of, "of")
     _fits(da_dc, np.empty((p, q)), r, u, "da_dc")
@@ -308,7 +313,7 @@ def chain_rule_columns(da_dc: Any, dc: Any, a: Sequence[int], c: Sequence[int], 
     return np.kron(vetter(along[None], (s, t), 2), np.eye(p)) @ inner
 
 
-def inverse_rule(a: Any, da: Any, of: Sequence[int]) -> np.ndarray:
+def inverse_rule(a: ArrayLike, da: ArrayLike, of: Sequence[int]) -> np.ndarray:
     """d(A^-1)/dB = -(I_s kron A^-1) dA/dB (I_t kron A^-1)."""
     s, t = _shape(of, "of")
     matrix = _matrix(a, "a")

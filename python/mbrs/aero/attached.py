@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import functools
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from .._lib.checks import complex_array, count, real_array, shown
 from ..errors import ModelError
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
 
 __all__ = ["AttachedFlow", "Indicial", "attached_flow", "indicial", "theodorsen", "wagner"]
 
@@ -21,7 +24,7 @@ SLOWEST, FASTEST = -28.0, 3.2
 RATES = 260
 
 
-def theodorsen(k: Any) -> np.ndarray:
+def theodorsen(k: ArrayLike) -> np.ndarray:
     """Theodorsen's function of the reduced frequency k = omega b / U, b the half chord.
 
         C(k) = K1(i k) / (K0(i k) + K1(i k))
@@ -61,7 +64,7 @@ def theodorsen(k: Any) -> np.ndarray:
     return np.where(x == 0.0, 1.0, kve(1, p) / (kve(0, p) + kve(1, p)))
 
 
-def wagner(s: Any) -> np.ndarray:
+def wagner(s: ArrayLike) -> np.ndarray:
     """Wagner's function: lift after a sudden start over the final lift.
 
         phi(s) = 1 - int_0^inf exp(-x s) / (x^2 ((K0(x) - K1(x))^2 + pi^2 (I0(x) + I1(x))^2)) dx
@@ -118,11 +121,11 @@ class Indicial:
     weights: np.ndarray
     rates: np.ndarray
 
-    def response(self, s: Any) -> np.ndarray:
+    def response(self, s: ArrayLike) -> np.ndarray:
         """(...) the sum at s (...) half chords flown."""
         return 1.0 - np.exp(-np.asarray(s, dtype=float)[..., None] * self.rates) @ self.weights
 
-    def transfer(self, k: Any) -> np.ndarray:
+    def transfer(self, k: ArrayLike) -> np.ndarray:
         """(...) complex: what takes the place of Theodorsen's function at reduced frequencies k (...), 1 - sum A i k / (i k + b)."""
         p = 1j * np.asarray(k)[..., None]
         return 1.0 - (p / (p + self.rates)) @ self.weights
@@ -199,7 +202,7 @@ class AttachedFlow:
     input: np.ndarray
     decay: np.ndarray
 
-    def state_matrix(self, mass: Any, stiffness: Any, damping: Any = None) -> np.ndarray:
+    def state_matrix(self, mass: ArrayLike, stiffness: ArrayLike, damping: ArrayLike | None = None) -> np.ndarray:
         """(4 + n, 4 + n): the matrix of d/dt (q, q', z) for a section with its own ``mass``, ``stiffness``, ``damping`` (2, 2)."""
         own = [np.zeros((2, 2)) if m is None else real_array("state_matrix", m) for m in (mass, damping, stiffness)]
         if any(m.shape != (2, 2) for m in own):

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from .._lib.checks import count, each, real_array, shown
 from ..errors import ModelError
 from .polars import Polar
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
 
 __all__ = ["Blade", "blade"]
 
@@ -76,15 +79,15 @@ class Blade:
             "share": np.where(first == second, 0.0, weights[np.arange(len(places)), second]).tolist(),
         }
 
-    def chords(self, places: Any) -> np.ndarray:
+    def chords(self, places: ArrayLike) -> np.ndarray:
         """(m,) m: chord at places (m,) m among the stations."""
-        return np.interp(places, self.stations, self.chord)
+        return np.interp(np.asarray(places), self.stations, self.chord)
 
-    def twists(self, places: Any) -> np.ndarray:
+    def twists(self, places: ArrayLike) -> np.ndarray:
         """(m,) rad: twist at places (m,) m among the stations."""
-        return np.interp(places, self.stations, self.twist)
+        return np.interp(np.asarray(places), self.stations, self.twist)
 
-    def weights(self, places: Any) -> np.ndarray:
+    def weights(self, places: ArrayLike) -> np.ndarray:
         """(m, k): share of each polar at places (m,) m; the shares of a place add up to one.
 
         Linear in the thickness where thicknesses are given, else linear between the polars of the stations.
@@ -95,7 +98,7 @@ class Blade:
         known = np.array([p.thickness for p in self.polars])
         return _hats(np.interp(x, self.stations, self.thickness), known)
 
-    def coefficients(self, places: Any, angle: Any) -> np.ndarray:
+    def coefficients(self, places: ArrayLike, angle: ArrayLike) -> np.ndarray:
         """(..., m, 3) lift, drag, moment coefficients at places (m,) m and angles of attack (..., m) rad.
 
         Raises
@@ -106,7 +109,7 @@ class Blade:
         self.require(places, angle)
         return self.mix(self.weights(places), angle)
 
-    def mix(self, weights: np.ndarray, angle: Any, slope: bool = False) -> np.ndarray:
+    def mix(self, weights: np.ndarray, angle: ArrayLike, slope: bool = False) -> np.ndarray:
         """(..., m, 3) coefficients, or their slopes in 1/rad, with the shares (m, k) of `weights`; beyond a table its end."""
         a = np.asarray(angle, dtype=float)
         total = np.zeros((*a.shape, 3))
@@ -117,7 +120,7 @@ class Blade:
                 total[..., takes, :] += weights[takes, k, None] * value
         return total
 
-    def require(self, places: Any, angle: Any) -> None:
+    def require(self, places: ArrayLike, angle: ArrayLike) -> None:
         """Raise a ModelError where a polar that takes part does not hold an angle (..., m) rad met at places (m,) m."""
         x, a = np.asarray(places, dtype=float), np.asarray(angle, dtype=float)
         weights = self.weights(x)
@@ -136,13 +139,13 @@ class Blade:
 
 
 def blade(
-    stations: Any,
-    chord: Any,
-    twist: Any,
+    stations: ArrayLike,
+    chord: ArrayLike,
+    twist: ArrayLike,
     polar: Polar | Sequence[Polar],
     *,
-    thickness: Any = None,
-    aerodynamic_center: Any = 0.25,
+    thickness: ArrayLike | None = None,
+    aerodynamic_center: ArrayLike = 0.25,
     body: str | None = None,
     root: float = 0.0,
     line: float = 0.25,

@@ -10,13 +10,10 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from .._lib.checks import count
 from .._lib.rotations import quaternion_matrix
 from ..errors import ModelError
 from .blades import Blade
 from .circulation import bound_circulation
-from .dynamic_inflow import SHARE, time_constants
-from .lags import lag_step
 from .lattice import Frame, March, Wake
 from .lines import Lines
 from .momentum import Annuli
@@ -27,10 +24,10 @@ from .wake_options import WakeOptions, wake_options
 from .wake_paths import prescribed, wind_path
 from .winds import Wind, wind
 
-__all__ = ["Blades", "DynamicInflow", "Induction", "RotorWakeInduction", "induction", "rotor_frame"]
+__all__ = ["Blades", "Induction", "RotorWakeInduction", "induction", "rotor_frame"]
 
-# Steps of a turn where none are asked for, and the most that one may be of a turn.
-STEPS, LEAST_STEPS = 24, 12
+# Steps of a turn where none are asked for.
+STEPS = 24
 # Rounds of a prescribed wake and the loads that cause it, and the relative change of the circulation that ends them.
 ROUNDS, AGREED, RELAXED = 40, 1e-4, 0.4
 
@@ -169,18 +166,12 @@ def induction(air: Any, rows: Rows) -> Induction:
         raise ModelError(
             f"{air.name}: inflow {air.inflow!r} needs a rotor that turns about its axis when the motion begins"
         )
-    if air.inflow == "dynamic-inflow":
-        return DynamicInflow(blades, speed, options)
     return RotorWakeInduction(air.name, blades, frame, speed, options, air.inflow == "free-wake")
 
 
 def _options(air: Any) -> dict[str, Any]:
     """The options of a stepped inflow, none of them unknown."""
-    known = (
-        {"steps"}
-        if air.inflow == "dynamic-inflow"
-        else {*signature(wake_options).parameters} - {"rotor_radius", "strips"}
-    )
+    known = {*signature(wake_options).parameters} - {"rotor_radius", "strips"}
     if unknown := [key for key in air.options if key not in known]:
         raise ModelError(
             f"{air.name}: inflow {air.inflow!r} has no option {unknown[0]!r}; known: {', '.join(sorted(known))}"
@@ -205,60 +196,22 @@ def rotor_frame(blades: Blades, rows: Rows) -> tuple[Frame, float]:
     return Frame(origin, np.stack([n, np.cross(up, n), up], axis=1)), speed
 
 
-class DynamicInflow:
-    """Blade elements and momentum behind two lags (S. Oeye); one annulus for the mean of the blades."""
-
-    def __init__(self, blades: Blades, speed: float, options: Mapping[str, Any]) -> None:
-        self.blades = blades
-        steps = count("steps of dynamic inflow", options.get("steps", 3 * STEPS), 720, LEAST_STEPS)
-        self.step = 2.0 * np.pi / (abs(speed) * steps)
-        self.now: tuple[np.ndarray, ...] | None = None
-        self.later: tuple[np.ndarray, ...] | None = None
-
-    def _quasi_steady(self, rows: Rows) -> tuple[np.ndarray, np.ndarray, tuple[np.ndarray, np.ndarray]]:
-        """(n, 2) axial and tangential velocities that balance at once, axes of the annuli (b, n, 3), and the lags."""
-        b, n = self.blades, self.blades.axis
-        out = n - np.sum(rows.span * n, axis=-1)[..., None] * rows.span
-        normal = out / np.linalg.norm(out, axis=-1, keepdims=True)
-        ahead = np.cross(normal, rows.span)
-        u = b.wind.velocity(rows.rear) - rows.rear_velocity
-        axial = np.mean(np.sum(u * normal, axis=-1), axis=0)
-        around = np.mean(-np.sum(u * ahead, axis=-1), axis=0)
-        cone = float(np.mean(np.sum(normal * n, axis=-1)))
-        radius, half = b.place * cone, 0.5 * b.count
-        torsion = np.mean(np.arctan2(np.sum(normal * rows.ahead, -1), np.sum(normal * rows.suction, -1)), axis=0)
-        loss = np.array([half * (b.last - b.place) / b.place, half * (b.place - b.first) / b.first])
-        annuli = Annuli(b.coefficients, b.twist - torsion, b.count * b.chord / (2.0 * np.pi * radius), loss)
-        flow = momentum_inflow(annuli, axial, around)
-        passage = b.last * cone / max(abs(float(np.mean(axial))), 1e-9)
-        induction_ = np.clip(-flow.axial / np.where(axial == 0.0, 1.0, axial), 0.0, None)
-        lags = time_constants(induction_, b.place / b.last, passage)
-        self._axes = (normal, ahead)
-        return np.stack([flow.axial, flow.tangential], axis=-1), rows.axes, lags
-
-    def _velocity(self, rows: Rows, v: np.ndarray) -> np.ndarray:
-        normal, ahead = self._axes
-        return rows.into_sections(v[:, 0, None] * normal - v[:, 1, None] * ahead)
-
-    def start(self, rows: Rows) -> np.ndarray:
-        """The velocities that balance."""
-        w, _, _ = self._quasi_steady(rows)
-        self.now = (w, (1.0 - SHARE) * w, w)
-        return self._velocity(rows, w)
-
-    def trial(self, rows: Rows) -> np.ndarray:
-        """Both lags, exactly for an input that is linear within the step."""
-        assert self.now is not None
-        old, inner, outer = self.now
-        w, _, (t1, t2) = self._quasi_steady(rows)
-        one = lag_step(self.step, t1[:, None], inner, (1.0 - SHARE) * old, (1.0 - SHARE) * w)
-        two = lag_step(self.step, t2[:, None], outer, inner + SHARE * old, one + SHARE * w)
-        self.later = (w, one, two)
-        return self._velocity(rows, two)
-
-    def accept(self) -> None:
-        """Take the last trial."""
-        self.now = self.later
+def balanced(blades: Blades, rows: Rows) -> np.ndarray:
+    """(b n, 3): the velocities that balance momentum at once, in the axes of the sections; one annulus for the mean of the blades."""
+    b, n = blades, blades.axis
+    out = n - np.sum(rows.span * n, axis=-1)[..., None] * rows.span
+    normal = out / np.linalg.norm(out, axis=-1, keepdims=True)
+    ahead = np.cross(normal, rows.span)
+    u = b.wind.velocity(rows.rear) - rows.rear_velocity
+    axial = np.mean(np.sum(u * normal, axis=-1), axis=0)
+    around = np.mean(-np.sum(u * ahead, axis=-1), axis=0)
+    cone = float(np.mean(np.sum(normal * n, axis=-1)))
+    radius, half = b.place * cone, 0.5 * b.count
+    torsion = np.mean(np.arctan2(np.sum(normal * rows.ahead, -1), np.sum(normal * rows.suction, -1)), axis=0)
+    loss = np.array([half * (b.last - b.place) / b.place, half * (b.place - b.first) / b.first])
+    annuli = Annuli(b.coefficients, b.twist - torsion, b.count * b.chord / (2.0 * np.pi * radius), loss)
+    flow = momentum_inflow(annuli, axial, around)
+    return rows.into_sections(flow.axial[:, None] * normal - flow.tangential[:, None] * ahead)
 
 
 class RotorWakeInduction:
@@ -347,8 +300,7 @@ class RotorWakeInduction:
 
     def _first_guess(self, rows: Rows) -> np.ndarray:
         """Circulations of blade elements and momentum."""
-        bem = DynamicInflow(self.blades, self.speed, {})
-        v = bem.start(rows).reshape(*rows.rear.shape)
+        v = balanced(self.blades, rows).reshape(*rows.rear.shape)
         u = self.blades.wind.velocity(rows.rear) - rows.rear_velocity
         lines = self.lines(rows)
         angle, speed, _ = lines.angles(u + np.einsum("bnck,bnk->bnc", rows.axes, v))

@@ -20,6 +20,7 @@ from .separation import Separation
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from numpy.typing import ArrayLike
 
 __all__ = ["RotorResponse", "lagging", "rotor_response", "time_constants"]
 
@@ -59,11 +60,11 @@ class RotorResponse(Result):
 
 def rotor_response(
     rotor: Rotor,
-    t: Any,
-    wind: Any,
-    speed: Any,
+    t: ArrayLike,
+    wind: ArrayLike,
+    speed: ArrayLike,
     *,
-    pitch: Any = 0.0,
+    pitch: ArrayLike = 0.0,
     yaw: float = 0.0,
     tilt: float = 0.0,
     density: float = 1.225,

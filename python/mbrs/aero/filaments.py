@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,18 +11,21 @@ from .._lib.border import core_errors
 from .._lib.checks import choice, count, each, real_array, shown
 from ..errors import ModelError
 
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
 __all__ = ["induced_velocity"]
 
 CORES = ("rosenhead-moore", "lamb-oseen", "vatistas")
 
 
 def induced_velocity(
-    points: Any,
-    start: Any,
-    end: Any,
-    circulation: Any,
+    points: ArrayLike,
+    start: ArrayLike,
+    end: ArrayLike,
+    circulation: ArrayLike,
     *,
-    core_radius: Any = 0.0,
+    core_radius: ArrayLike = 0.0,
     core: str = "rosenhead-moore",
     exponent: float = 2.0,
     threads: int = 0,

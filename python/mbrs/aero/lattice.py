@@ -299,7 +299,7 @@ class March:
         self.wake, self.frames, self.turn, self.wind = wake, list(frames), turn, wind
         self.mean: Nodes = (frames[0].local(still.near), frames[0].local(still.far))
         off = wake.near - still.near, wake.far - still.far
-        turned = [self._turned(frame) for frame in frames]
+        turned = [self._world_mean(frame) for frame in frames]
         self.history: list[Nodes] = [(near + off[0], far + off[1]) for near, far in turned]  # newest first
         self.sum: Nodes = (np.zeros_like(wake.near), np.zeros_like(wake.far))
         self.summed = 0
@@ -359,11 +359,11 @@ class March:
             self.mean = (self.sum[0] / self.summed, self.sum[1] / self.summed)
             self.sum, self.summed = (np.zeros_like(wake.near), np.zeros_like(wake.far)), 0
 
-    def _turned(self, frame: Frame) -> Nodes:
+    def _world_mean(self, frame: Frame) -> Nodes:
         return frame.world(self.mean[0]), frame.world(self.mean[1])
 
     def _moved(self, strengths: Wake, lines: Lines, frame: Frame, later: Nodes) -> Wake:
-        rigid = _third(self._turned(frame), *(self._turned(f) for f in self.frames))
+        rigid = _third(self._world_mean(frame), *(self._world_mean(f) for f in self.frames))
         own = _third((0.0, 0.0), *self.history)
         near = self._family(0, lines.trailing, later[0], own[0] - rigid[0])
         wake = replace(strengths, near=near)

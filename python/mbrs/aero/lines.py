@@ -54,7 +54,7 @@ class Lines:
         """(b, n) m: length of the bound vortices."""
         return np.linalg.norm(np.diff(self.edges, axis=1), axis=-1)
 
-    def turned(self, rotation: np.ndarray) -> Lines:
+    def rotate(self, rotation: np.ndarray) -> Lines:
         """The lines turned about the origin by a matrix, velocities too."""
         parts = ("edges", "trailing", "points", "forward", "suction", "rear", "velocity", "rear_velocity")
         return replace(self, **{name: getattr(self, name) @ rotation.T for name in parts})

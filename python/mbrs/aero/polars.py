@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -10,6 +10,9 @@ from .._lib.checks import choice, real_array, shown
 from .._lib.monotone import cubic_pieces
 from ..errors import ModelError
 from .stall import extension
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
 
 __all__ = ["Polar", "polar"]
 
@@ -67,12 +70,12 @@ class Polar:
         """The table holds all angles."""
         return bool(self.angle[0] == -np.pi and self.angle[-1] == np.pi)
 
-    def covers(self, angle: Any) -> np.ndarray:
+    def covers(self, angle: ArrayLike) -> np.ndarray:
         """True where the table holds the angles (rad, of any turn)."""
         a = wrap(angle)
         return (a >= self.angle[0]) & (a <= self.angle[-1])
 
-    def coefficients(self, angle: Any) -> np.ndarray:
+    def coefficients(self, angle: ArrayLike) -> np.ndarray:
         """(..., 3) lift, drag and moment coefficient at angles (...) rad of any turn.
 
         Raises
@@ -83,7 +86,7 @@ class Polar:
         self._require(angle)
         return self.clip_values(angle)
 
-    def slopes(self, angle: Any) -> np.ndarray:
+    def slopes(self, angle: ArrayLike) -> np.ndarray:
         """(..., 3) derivatives of the coefficients by the angle, 1/rad; exact derivatives of the interpolation.
 
         Raises
@@ -94,12 +97,12 @@ class Polar:
         self._require(angle)
         return self.clip_slopes(angle)
 
-    def clip_values(self, angle: Any) -> np.ndarray:
+    def clip_values(self, angle: ArrayLike) -> np.ndarray:
         """As `coefficients`; beyond the table its nearest end, for searches whose end is checked with `covers`."""
         x, c = self._piece(angle)
         return c[0] + x * (c[1] + x * (c[2] + x * c[3]))
 
-    def clip_slopes(self, angle: Any) -> np.ndarray:
+    def clip_slopes(self, angle: ArrayLike) -> np.ndarray:
         """Derivatives of `clip_values`: beyond the table zero."""
         x, c = self._piece(angle)
         return np.where(self.covers(angle)[..., None], c[1] + x * (2.0 * c[2] + 3.0 * x * c[3]), 0.0)
@@ -159,10 +162,10 @@ class Polar:
 
 
 def polar(
-    angle: Any,
-    lift: Any,
-    drag: Any,
-    moment: Any = None,
+    angle: ArrayLike,
+    lift: ArrayLike,
+    drag: ArrayLike,
+    moment: ArrayLike | None = None,
     *,
     thickness: float | None = None,
     name: str = "polar",

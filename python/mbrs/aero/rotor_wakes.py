@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, Unpack
 
 import numpy as np
 
@@ -25,6 +25,8 @@ from .wake_paths import Path, hover_path, prescribed, wind_path
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+    from .wake_options import WakeKeywords
 
 __all__ = ["RotorWake", "rotor_wake"]
 
@@ -92,7 +94,7 @@ def rotor_wake(
     tilt: float = 0.0,
     inflow: str = "free-wake",
     turns: int = 12,
-    **options: Any,
+    **options: Unpack[WakeKeywords],
 ) -> RotorWake:
     """Loads of a rigid rotor in steady wind, or in hover, with a wake of vortex filaments.
 
@@ -301,7 +303,7 @@ class _Case:
             with Progress("free wake", total) as progress:
                 for step in range(1, total + 1):
                     frame = self.frame(step)
-                    lines = self.lines.turned(frame.rotation)
+                    lines = self.lines.rotate(frame.rotation)
                     predicted = motion.predict(lines, frame)
                     predicted = predicted.with_circulation(self.balance(predicted, lines).circulation)
                     corrected = motion.correct(predicted, lines, frame)

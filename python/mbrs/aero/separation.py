@@ -5,12 +5,13 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
 from .._lib.checks import each, real_array, shown
 from ..errors import ModelError
+from ..model.attached_lift import attached_line
 from ..results import Result, Stats, quantity, result
 from .lags import lagged
 from .polars import Polar
@@ -18,14 +19,12 @@ from .polars import Polar
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from numpy.typing import ArrayLike
 
 __all__ = ["LAG", "Separation", "StallResponse", "dynamic_stall"]
 
 # Oeye's time constant, in chords over the speed of the flow.
 LAG = 4.0
-# rad: angles among which the attached slope is looked for, and how near to the angle of no lift its quotient is not formed. Wider: plates
-# in stall take part. Narrower: thick sections have no attached part. Pinned by tests/aero/test_dynamic_stall.py.
-_ATTACHED, _NEAR = np.radians(30.0), np.radians(0.5)
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,8 +33,8 @@ class Separation:
 
         cl = f cl_att + (1 - f) cl_sep,   cl_att = slope (alpha - zero),   cl = cl_att ((1 + sqrt(f)) / 2)^2
 
-    ``static`` gives lifts (..., m) at angles (..., m) rad; ``slope`` 1/rad and ``zero`` rad are (m,). The slope is the steepest line
-    from the angle of no lift to the curve within 30 degrees of it.
+    ``static`` gives lifts (..., m) at angles (..., m) rad; ``slope`` 1/rad and ``zero`` rad are (m,), as of
+    `attached_line`.
     """
 
     static: Callable[[np.ndarray], np.ndarray]
@@ -45,20 +44,7 @@ class Separation:
     @classmethod
     def of(cls, static: Callable[[np.ndarray], np.ndarray], n: int) -> Separation:
         """The separation of n sections by their lift over the angle; lift that does not grow through zero has no attached part."""
-        a = np.linspace(-_ATTACHED, _ATTACHED, 601)
-        lift = static(np.repeat(a[:, None], n, axis=1))
-        slope, zero = np.empty(n), np.empty(n)
-        for k in range(n):
-            y = lift[:, k]
-            rises = np.flatnonzero((y[:-1] < 0.0) & (y[1:] >= 0.0))
-            if not rises.size:
-                slope[k], zero[k] = 0.0, 0.0  # a cylinder has nothing to separate
-                continue
-            i = int(rises[np.argmin(np.abs(a[rises]))])
-            zero[k] = a[i] - y[i] * (a[i + 1] - a[i]) / (y[i + 1] - y[i])
-            apart = a - zero[k]
-            slope[k] = np.max(y[np.abs(apart) > _NEAR] / apart[np.abs(apart) > _NEAR])
-        return cls(static, slope, zero)
+        return cls(static, *attached_line(static, n))
 
     def parts(self, angle: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """(..., m) each: the attached part f that the static lift tells, cl_att, cl_sep."""
@@ -109,7 +95,9 @@ class StallResponse(Result):
         return draw(self, ax=ax)
 
 
-def dynamic_stall(polar: Polar, t: Any, angle: Any, speed: Any, chord: float, *, lag: float = LAG) -> StallResponse:
+def dynamic_stall(
+    polar: Polar, t: ArrayLike, angle: ArrayLike, speed: ArrayLike, chord: float, *, lag: float = LAG
+) -> StallResponse:
     """Lift of a section whose separation lags behind its angle of attack.
 
         tau f' = f_st(alpha) - f,   tau = lag c / |u|,   cl = f cl_att(alpha) + (1 - f) cl_sep(alpha)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, Unpack
 
 import numpy as np
 
@@ -21,6 +21,9 @@ from .rotors import Rotor
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from numpy.typing import ArrayLike
+
+    from .wake_options import WakeKeywords
 
 __all__ = ["Performance", "performance"]
 
@@ -53,15 +56,15 @@ class Performance(Result):
     axes: ClassVar[Mapping[str, str]] = {"tip_speed_ratio": "tip_speed_ratio", "place": "place"}
     error_dims: ClassVar[tuple[str, ...]] = ("tip_speed_ratio",)
 
-    def power(self, speed: Any, density: float = 1.225) -> np.ndarray:
+    def power(self, speed: ArrayLike, density: float = 1.225) -> np.ndarray:
         """W: power at each tip speed ratio in wind of ``speed`` m/s (one, or one for each) and air of ``density`` kg/m^3."""
         return self.power_coefficient * self._force(speed, density) * np.asarray(speed, dtype=float)
 
-    def thrust(self, speed: Any, density: float = 1.225) -> np.ndarray:
+    def thrust(self, speed: ArrayLike, density: float = 1.225) -> np.ndarray:
         """N: thrust along the axis; arguments as for `power`."""
         return self.thrust_coefficient * self._force(speed, density)
 
-    def torque(self, speed: Any, density: float = 1.225) -> np.ndarray:
+    def torque(self, speed: ArrayLike, density: float = 1.225) -> np.ndarray:
         """N m: torque about the axis; arguments as for `power`."""
         return self.torque_coefficient * self._force(speed, density) * self.radius
 
@@ -97,7 +100,13 @@ class Performance(Result):
 
 
 def performance(
-    rotor: Any, tip_speed_ratio: Any, *, pitch: float = 0.0, elements: int = 80, inflow: str = "bem", **wake: Any
+    rotor: Rotor,
+    tip_speed_ratio: ArrayLike,
+    *,
+    pitch: float = 0.0,
+    elements: int = 80,
+    inflow: str = "bem",
+    **wake: Unpack[WakeKeywords],
 ) -> Performance:
     """Coefficients of a rigid rotor in steady uniform wind along its axis, without structure.
 
@@ -198,7 +207,7 @@ def _pitch(value: Any) -> float:
 
 
 def _with_wake(
-    rotor: Rotor, ratio: np.ndarray, pitch: Any, inflow: str, options: dict[str, Any], start: float
+    rotor: Rotor, ratio: np.ndarray, pitch: Any, inflow: str, options: WakeKeywords, start: float
 ) -> Performance:
     """A wake at each tip speed ratio."""
     done: list[RotorWake] = []

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypedDict
 
 import numpy as np
 
@@ -37,6 +37,22 @@ class WakeOptions:
     def far(self) -> int:
         """Ages of the filaments behind the lattice."""
         return self.free + self.mean - self.lattice
+
+
+class WakeKeywords(TypedDict, total=False):
+    """Options of `rotor_wake` for those who make wakes on the way."""
+
+    strips: int
+    steps: int
+    lattice: float
+    free_turns: float
+    mean_turns: float
+    tail_turns: float
+    core_radius: float | None
+    core_growth: float
+    core: str
+    exponent: float
+    threads: int
 
 
 def wake_options(

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from .._lib.checks import real_array, shown
 from ..errors import ModelError
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
 
 __all__ = ["Wind", "wind"]
 
@@ -40,7 +43,7 @@ class Wind:
     up: np.ndarray
     ground: float = 0.0
 
-    def velocity(self, points: Any) -> np.ndarray:
+    def velocity(self, points: ArrayLike) -> np.ndarray:
         """(..., 3) m/s in world axes at points (..., 3) m; without shear the same everywhere, with shear still at and below height 0."""
         p = np.asarray(points, dtype=float)
         if self.reference_height is None:
@@ -51,10 +54,10 @@ class Wind:
 
 def wind(
     speed: float,
-    direction: Any = "x",
+    direction: str | ArrayLike = "x",
     shear: float = 0.0,
     reference_height: float | None = None,
-    up: Any = "z",
+    up: str | ArrayLike = "z",
     ground: float = 0.0,
 ) -> Wind:
     """Describe a steady wind.

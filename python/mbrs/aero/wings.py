@@ -17,6 +17,7 @@ from .blades import Blade
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from numpy.typing import ArrayLike
 
 __all__ = ["WingLoads", "WingStart", "impulsive_start", "lifting_line"]
 
@@ -84,7 +85,7 @@ class WingStart(Result):
         return draw(self, ax=ax)
 
 
-def lifting_line(wing: Blade, angle: Any, *, strips: int = 80) -> WingLoads:
+def lifting_line(wing: Blade, angle: ArrayLike, *, strips: int = 80) -> WingLoads:
     """A straight wing in steady wind, with sections that follow their polars and a flat wake along the wind.
 
         Gamma = W c cl(alpha) / 2,   alpha = angle + twist - atan(w / U),   w = sum dGamma / (4 pi (y - y'))

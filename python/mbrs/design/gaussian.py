@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -11,6 +11,9 @@ from .._lib.checks import count, real_array
 from ..errors import ModelError
 from .sampling import MOST, interval, random, require_room
 from .table import Designs, checked_names, checked_units, table
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
 
 # What rounding may have made of an entry of a Cholesky factor of a correlation matrix, per row and in units of 1: larger, matrices
 # that no distribution has pass; smaller, perfectly correlated numbers are refused (tests/design/test_sampling.py).
@@ -25,7 +28,7 @@ def normal(
     n: int,
     seed: int = 0,
     *,
-    correlation: Any = None,
+    correlation: ArrayLike | None = None,
     bounds: Mapping[str, tuple[float, float]] | None = None,
     units: Mapping[str, str] | None = None,
 ) -> Designs:

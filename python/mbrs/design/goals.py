@@ -22,6 +22,9 @@ from ..linear.modes import modes
 from ..linear.sensitivity import sensitivity
 
 if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from ..linear.aliases import Linear, LoadCase, Ports
     from ..model.model import Model
 
 _STATES = ("drawn", "equilibrium")
@@ -96,7 +99,7 @@ class Match(Goal):
     modes: ModalResult
     frequency: float | None = None
     damping: float | None = None
-    shape: Any = field(default=None, kw_only=True)
+    shape: ArrayLike | None = field(default=None, kw_only=True)
     weight: float = field(default=1.0, kw_only=True)
 
     def __post_init__(self) -> None:
@@ -189,9 +192,9 @@ class _Transfer(Goal):
     Every entry of ``inputs`` is a load case: a port, or several with their (complex) amplitudes, ``{port: amplitude}``.
     """
 
-    inputs: Any
-    outputs: Any
-    frequency: Any
+    inputs: LoadCase | Sequence[LoadCase]
+    outputs: Ports
+    frequency: ArrayLike
     kind: str = field(default="receptance", kw_only=True)
     at: str = field(default="drawn", kw_only=True)
     weight: float = field(default=1.0, kw_only=True)
@@ -325,7 +328,7 @@ class Peak(_Transfer):
                 value, slope = value + over**2, slope + 2.0 * over * by / self.below
         return self.weight * value, self.weight * slope
 
-    def peaks(self, system: Any) -> list[tuple[int, int, float, float]]:
+    def peaks(self, system: Linear) -> list[tuple[int, int, float, float]]:
         """Local maxima of |H| and the ends of the band: output, load case, rad/s, size."""
         if not isinstance(self.frequency, tuple):
             omega = np.unique(2.0 * math.pi * np.atleast_1d(real_array("frequency", self.frequency)))
@@ -399,7 +402,7 @@ class MeanSquare(_Transfer):
         slope = 2.0 * np.einsum("ick,ickp,k->p", y.conj(), dy, share).real
         return self.weight * value, self.weight * slope
 
-    def quadrature(self, system: Any) -> tuple[np.ndarray, np.ndarray]:
+    def quadrature(self, system: Linear) -> tuple[np.ndarray, np.ndarray]:
         """Points in rad/s, and what each counts; the sum is 1."""
         if not isinstance(self.frequency, tuple):
             omega = 2.0 * math.pi * np.atleast_1d(real_array("frequency", self.frequency))

@@ -79,8 +79,8 @@ class Optimum(Result):
         """(n,) whether the constraints held at every evaluation, to 1e-4 of their limits."""
         return np.asarray(self.violation <= FEASIBLE)
 
-    def plot(self, *, ax: Axes | None = None, **options: Any) -> Figure:
+    def plot(self, *, ax: Axes | None = None, label: str | None = None) -> Figure:
         """The objective over the evaluations."""
         from ..plot import gradients
 
-        return gradients.convergence(self, ax=ax, **options)
+        return gradients.convergence(self, ax=ax, label=label)

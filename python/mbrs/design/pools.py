@@ -25,7 +25,7 @@ from concurrent.futures import (
 )
 from dataclasses import replace
 from functools import lru_cache
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -276,6 +276,13 @@ def _same(scene: Scene) -> Scene:
 
 def _run_with(scene: Scene, names: list[str], first: int, values: np.ndarray, limit: float | None) -> Chunk:
     return run(Task(scene, tuple(names), first, values, limit))
+
+
+class HasSubmit(Protocol):
+    """A client of a cluster, such as `dask.distributed.Client`."""
+
+    def submit(self, func: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Any:
+        """Begin a call, and return its future."""
 
 
 class Restarted(Exception):

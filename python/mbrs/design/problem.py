@@ -6,7 +6,7 @@ import inspect
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
 
@@ -22,6 +22,7 @@ from .optimum import Optimum
 from .solver import solve
 
 if TYPE_CHECKING:
+    from ..gradients.gradient import GradientOptions
     from ..model.model import Model
 
 
@@ -33,7 +34,7 @@ class Problem(DesignFunctions):
     Values and gradients are those of the objectives themselves; `solve` scales them for the optimiser.
     """
 
-    def solve(self, method: str | None = None, **options: Any) -> Optimum:
+    def solve(self, method: str | None = None, **options: object) -> Optimum:
         """`scipy.optimize.minimize` with everything; the model keeps the optimum.
 
         Parameters
@@ -70,7 +71,7 @@ def problem(
     bounds: Mapping[str, tuple[float, float]] | None = None,
     constraints: Sequence[Constraint] = (),
     scale: Mapping[str, float] | None = None,
-    **options: Any,
+    **options: Unpack[GradientOptions],
 ) -> Problem:
     """min objective(p) of a motion, of modes or of transfer functions over parameters, with bounds and constraints, for `scipy.optimize`.
 

@@ -19,6 +19,10 @@ from .table import Designs, table
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from numpy.typing import ArrayLike
+
+    from .table import DesignsLike
+    from .uncertainty import DerivativeMeasures, SobolIndices, Statistics
 
 # Code of a design without a result.
 WAITING = -1
@@ -155,7 +159,7 @@ class Runs(Result):
         own = dict(zip(self.designs.names, self.designs.units, strict=True))
         return self.units.get(name.partition("[")[0], own.get(name, ""))
 
-    def labels_of(self, dimension: str) -> Any:
+    def labels_of(self, dimension: str) -> Sequence[object] | np.ndarray | None:
         if dimension in self.labels:
             return self.labels[dimension]
         if dimension == "mode":
@@ -262,7 +266,7 @@ class Runs(Result):
             raise ModelError(f"{name!r} is not one real number for each design; name an entry such as '{name}[0]'")
         return values.astype(float)
 
-    def statistics(self, quantiles: Sequence[float] = (0.05, 0.5, 0.95)) -> Any:
+    def statistics(self, quantiles: Sequence[float] = (0.05, 0.5, 0.95)) -> Statistics:
         """Mean, variance and quantiles of every real output, beside the moments to first order from exact derivatives where the
         designs know their distribution and the outputs are one of ``mb.outputs``; see `mbrs.design.uncertainty.Statistics`.
         """
@@ -270,7 +274,7 @@ class Runs(Result):
 
         return statistics(self, quantiles)
 
-    def sobol_indices(self, name: str) -> Any:
+    def sobol_indices(self, name: str) -> SobolIndices:
         """First-order and total Sobol indices of one real output, for the designs of ``mb.design.saltelli``.
 
         Examples
@@ -286,7 +290,7 @@ class Runs(Result):
 
         return sobol_indices(self.designs, self._real(name), name)
 
-    def derivative_measures(self, name: str, derivative: str = "") -> Any:
+    def derivative_measures(self, name: str, derivative: str = "") -> DerivativeMeasures:
         """E((dy/dx_i)^2) of one real output and its bound on the total Sobol index, from exact derivatives.
 
         ``derivative``: the output that holds them, by the numbers of the designs in their order; ``"f_derivative[0]"`` for
@@ -313,7 +317,9 @@ class Runs(Result):
         session.asked.update(chosen)
         return table(self.designs.names, session.rows[chosen], self.designs.units, "asked for")
 
-    def tell(self, designs: Any, outputs: Sequence[Mapping[str, Any] | None], seconds: Any = math.nan) -> Runs:
+    def tell(
+        self, designs: DesignsLike, outputs: Sequence[Mapping[str, Any] | None], seconds: ArrayLike = math.nan
+    ) -> Runs:
         """Keep outputs that were computed elsewhere, in the store as well, and return all runs.
 
         Parameters
@@ -334,7 +340,7 @@ class Runs(Result):
         session.record(values, [_told(one, float(s)) for one, s in zip(outputs, spent, strict=True)])
         return session.runs()
 
-    def evaluate(self, designs: Any) -> Runs:
+    def evaluate(self, designs: DesignsLike) -> Runs:
         """The runs of some designs: those with a result are looked up, others are computed and kept, in the store as well.
 
         A search that proposes the same designs again (with the same seed) goes on where it was for nothing.

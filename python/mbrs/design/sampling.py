@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import csv
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
@@ -15,6 +15,9 @@ from .._lib.checks import count, real_array, shown
 from .._lib.formats import open_file
 from ..errors import ModelError
 from .table import Designs, checked_names, checked_units, table
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
 
 # Designs of one table at most: 1e9 rows of one number are 8 GB, which `require_memory` judges before they are made.
 MOST = 10**9
@@ -128,7 +131,20 @@ def full_factorial(
     return table(names, np.stack([grid.ravel() for grid in grids], axis=1), checked_units(names, units), kind)
 
 
-def from_table(given: Any, *, units: Mapping[str, str] | None = None) -> Designs:
+class HasColumns(Protocol):
+    """A table with named columns, such as a `pandas.DataFrame`."""
+
+    @property
+    def columns(self) -> Iterable[str]:
+        """Headings."""
+
+    def __getitem__(self, name: str, /) -> ArrayLike:
+        """A column."""
+
+
+def from_table(
+    given: str | Path | Mapping[str, ArrayLike] | np.ndarray | HasColumns, *, units: Mapping[str, str] | None = None
+) -> Designs:
     """Designs that are there already.
 
     Parameters

@@ -42,7 +42,7 @@ def solve(p: DesignFunctions, method: Any, options: dict[str, Any]) -> Optimum:
             "the result of this error",
             best,
         ) from reason
-    return run.found(r, begin)
+    return run.optimum(r, begin)
 
 
 def _checked(p: DesignFunctions, method: Any) -> str:
@@ -101,7 +101,7 @@ class _Search:
     def violation(self, z: np.ndarray) -> float:
         return max((-c["fun"](z) / size for c, size in zip(self.limits, self.sizes, strict=True)), default=0.0)
 
-    def found(self, r: Any, begin: float) -> Optimum:
+    def optimum(self, r: Any, begin: float) -> Optimum:
         z = np.asarray(r.x, dtype=float)
         self.record(z)
         holds = self.violation(z) <= FEASIBLE

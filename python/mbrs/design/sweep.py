@@ -15,7 +15,10 @@ from .session import Options, Session
 from .table import Designs
 
 if TYPE_CHECKING:
+    from concurrent.futures import Executor
+
     from ..model.model import Model
+    from .pools import HasSubmit
     from .runs import Runs
 
 
@@ -24,7 +27,7 @@ def sweep(
     designs: Designs,
     outputs: Callable[[Any], Mapping[str, Any]] | None = None,
     *,
-    executor: Any = None,
+    executor: int | Executor | HasSubmit | None = None,
     store: str | Path | None = None,
     on_error: str = "record",
     time_limit: float | None = None,

@@ -7,12 +7,15 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from .._lib.checks import shown
 from ..errors import ModelError, NameNotFoundError
 from ..results import Result, result
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
@@ -69,7 +72,7 @@ class Designs(Result):
         """One design as what `Model.set` takes."""
         return dict(zip(self.names, self.values[index].tolist(), strict=True))
 
-    def part(self, rows: Any) -> Designs:
+    def part(self, rows: slice | Sequence[int] | np.ndarray) -> Designs:
         """The designs of a slice, of indices or of a mask."""
         return table(self.names, self.values[rows], self.units, f"part of {self.source}")
 
@@ -117,6 +120,10 @@ def checked_names(given: Any) -> tuple[str, ...]:
     if not names:
         raise ModelError("designs need at least one number that varies")
     return names
+
+
+# Rows (n, p), columns by name, or a table.
+DesignsLike = Designs | Mapping[str, ArrayLike] | ArrayLike
 
 
 def checked_units(names: Sequence[str], units: Mapping[str, str] | None) -> tuple[str, ...]:

@@ -6,7 +6,7 @@ import math
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
 
@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
     from ..linear.frf import FrfResult
     from ..linear.measurement import Measurement
+    from ..linear.pairing import PairOptions
     from ..model.model import Model
 
 # Distance from the optimum, in standard deviations, below which a fit has converged. Too small: rounding of the residuals never lets
@@ -107,7 +108,7 @@ def update(
     partner: Sequence[int] | None = None,
     at: str = "drawn",
     max_steps: int = 60,
-    **options: Any,
+    **options: Unpack[PairOptions],
 ) -> Update:
     """Update parameters of a model so that it agrees best with a measurement.
 

@@ -10,8 +10,8 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Sequence
+from typing import Any, TypedDict, Unpack
 
 import numpy as np
 
@@ -31,11 +31,21 @@ _JOINTS = {
 _CODE = re.compile(r"([CTL])L(\d+)([RPCS])F(\d+)")
 
 
+class LatticeOptions(TypedDict, total=False):
+    """Data of lattices, one set for all bodies and all joints."""
+
+    mass: float
+    inertia: Sequence[float]
+    k: Sequence[float]
+    c: Sequence[float] | None
+    gravity: Sequence[float]
+
+
 class _Builder:
     """Adds bodies that are all alike, and between two of them a joint with its spring-dampers."""
 
-    def __init__(self, name: str, joint: str | None, springs: int, options: dict[str, Any]) -> None:
-        unknown = set(options) - {"mass", "inertia", "k", "c", "gravity"}
+    def __init__(self, name: str, joint: str | None, springs: int, options: LatticeOptions) -> None:
+        unknown = set(options) - set(LatticeOptions.__annotations__)
         if unknown:
             raise ModelError(f"{name} has no option {', '.join(sorted(unknown))}; known: mass, inertia, k, c, gravity")
         self.m = Model(name, gravity=options.get("gravity"))
@@ -77,7 +87,9 @@ def _count(what: str, n: Any) -> int:
     return int(n)
 
 
-def chain(n: int, joint: str | None = "revolute", springs: int = 1, along: str = "z", **options: Any) -> Model:
+def chain(
+    n: int, joint: str | None = "revolute", springs: int = 1, along: str = "z", **options: Unpack[LatticeOptions]
+) -> Model:
     """n bodies in a row from ground, "B1" to "Bn", 0.2 m each.
 
     Parameters
@@ -125,7 +137,7 @@ def chain(n: int, joint: str | None = "revolute", springs: int = 1, along: str =
     return build.m
 
 
-def tree(layers: int, joint: str | None = "revolute", springs: int = 1, **options: Any) -> Model:
+def tree(layers: int, joint: str | None = "revolute", springs: int = 1, **options: Unpack[LatticeOptions]) -> Model:
     """A binary tree: 2^(i-1) bodies "Bi,1", "Bi,2", ... in layer i, the root jointed to ground; options as for `chain`.
 
     Geometry: docs/theory.md (23.3): body (i, j) at (j, i, 0), its joints to (i+1, 2j-1) and (i+1, 2j) midway, turned by
@@ -147,7 +159,7 @@ def tree(layers: int, joint: str | None = "revolute", springs: int = 1, **option
     return build.m
 
 
-def ladder(layers: int, joint: str | None = "revolute", springs: int = 1, **options: Any) -> Model:
+def ladder(layers: int, joint: str | None = "revolute", springs: int = 1, **options: Unpack[LatticeOptions]) -> Model:
     """Stiles "Bi,1", "Bi,2" and a rung "Bi,3" in each of the layers, one loop for each; options as for `chain`.
 
     Geometry: docs/theory.md (23.4): stiles at (-0.1, 0.2 i - 0.1) and (0.1, ...), rung at (0, 0.2 i) turned by 90 degrees;
@@ -168,7 +180,7 @@ def ladder(layers: int, joint: str | None = "revolute", springs: int = 1, **opti
     return build.m
 
 
-def from_code(code: str, **options: Any) -> Model:
+def from_code(code: str, **options: Unpack[LatticeOptions]) -> Model:
     """A model by the source's code: kind (C, T, L), "L" and layers, joint (R, P, C, S), "F" and number of
     spring-dampers.
 

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..model.laws import Cubic, Gap, Jenkins, VanDerPol
+
+if TYPE_CHECKING:
+    from ..linear.matrices import MechanicalSystem
 
 
 def _system(*matrices: Any, elements: Any, coordinates: Any = None) -> Any:
@@ -15,7 +18,7 @@ def _system(*matrices: Any, elements: Any, coordinates: Any = None) -> Any:
     return MechanicalSystem(*matrices, elements=elements, coordinates=coordinates)
 
 
-def duffing(k3: float = 0.1, c: float = 0.05) -> Any:
+def duffing(k3: float = 0.1, c: float = 0.05) -> MechanicalSystem:
     """x" + c x' + x + k3 x^3, a `MechanicalSystem`. With the force 0.18 cos(omega t), omega from 0.5 to 1.6 it is the
     case of docs/theory.md (23.5) (data of NLvib's first example); k3 = 1 with 0.3 cos(omega t) is (23.6).
 
@@ -26,7 +29,7 @@ def duffing(k3: float = 0.1, c: float = 0.05) -> Any:
     return _system([[1.0]], [[c]], [[1.0]], elements=[Cubic(k3, w=[1.0])])
 
 
-def two_mass_cubic() -> Any:
+def two_mass_cubic() -> MechanicalSystem:
     """A mass with a small absorber on cubic springs, a `MechanicalSystem` of two coordinates: under 0.11 cos(omega t) on
     the first mass, omega from 0.8 to 1.4, it has a Neimark-Sacker pair (docs/theory.md (23.7), NLvib's second example).
     """
@@ -39,7 +42,7 @@ def two_mass_cubic() -> Any:
     )
 
 
-def two_mass_stop(stiffness: float = 100.0, gap: float = 1.0) -> Any:
+def two_mass_stop(stiffness: float = 100.0, gap: float = 1.0) -> MechanicalSystem:
     """Two unit masses in a row between a free end and a wall, the first beside a stop: ``stiffness`` beyond ``gap``.
 
     A `MechanicalSystem`, springs 1 with 3 % of their stiffness as damping; 0.1 cos(omega t) on the second mass
@@ -51,7 +54,7 @@ def two_mass_stop(stiffness: float = 100.0, gap: float = 1.0) -> Any:
     )
 
 
-def jenkins_oscillator(k: float = 0.5, f_slip: float = 0.2, c: float = 0.02) -> Any:
+def jenkins_oscillator(k: float = 0.5, f_slip: float = 0.2, c: float = 0.02) -> MechanicalSystem:
     """x" + c x' + x + Jenkins(k, f_slip), a `MechanicalSystem`: it sticks under small forces, slips under larger ones.
 
     All data are invented.
@@ -66,6 +69,6 @@ def two_tone_duffing(eta: float = 1.5) -> tuple[Any, list[dict[str, Any]]]:
     return system, [dict(force=[-0.25j], omega=w) for w in (eta, 2**0.5 * eta)]
 
 
-def van_der_pol(mu: float = 1.0) -> Any:
+def van_der_pol(mu: float = 1.0) -> MechanicalSystem:
     """x" - mu (1 - x^2) x' + x = 0, a `MechanicalSystem` with a limit cycle; a relaxation oscillation for large mu."""
     return _system([[1.0]], [[-mu]], [[1.0]], elements=[VanDerPol(mu, w=[1.0])])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -16,6 +16,13 @@ from ._parameters import Channel, channels, driven, plain, stretched_nodes
 from ._reduction import reduced_shapes
 from .modal_body import ModalBody
 
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import ArrayLike
+
+    from .aliases import Along
+
 __all__ = ["beam", "modal_damping"]
 
 Array = np.ndarray
@@ -23,33 +30,33 @@ THEORIES = ("euler-bernoulli", "timoshenko")
 
 
 def beam(
-    length: Any,
+    length: Along,
     *,
-    E: Any = None,
-    G: Any = None,
-    rho: Any = None,
-    area: Any = None,
-    I_flap: Any = None,
-    I_edge: Any = None,
-    J: Any = None,
-    mass: Any = None,
-    EI_flap: Any = None,
-    EI_edge: Any = None,
-    GJ: Any = None,
-    EA: Any = None,
-    GA_flap: Any = None,
-    GA_edge: Any = None,
-    inertia_flap: Any = None,
-    inertia_edge: Any = None,
+    E: Along | None = None,
+    G: Along | None = None,
+    rho: Along | None = None,
+    area: Along | None = None,
+    I_flap: Along | None = None,
+    I_edge: Along | None = None,
+    J: Along | None = None,
+    mass: Along | None = None,
+    EI_flap: Along | None = None,
+    EI_edge: Along | None = None,
+    GJ: Along | None = None,
+    EA: Along | None = None,
+    GA_flap: Along | None = None,
+    GA_edge: Along | None = None,
+    inertia_flap: Along | None = None,
+    inertia_edge: Along | None = None,
     shear_factor: float = 5 / 6,
-    twist: Any = 0.0,
+    twist: Along = 0.0,
     elements: int = 60,
     modes: int = 6,
     theory: str = "euler-bernoulli",
     stiffening: bool = True,
-    damping: Any = None,
+    damping: ArrayLike | None = None,
     nodes: Mapping[str, float] | None = None,
-    attach: Any = (),
+    attach: Sequence[str] = (),
     fixed: str | None = "root",
 ) -> ModalBody:
     """A straight beam along body x, from x = 0 (``"root"``) to x = L (``"tip"``), as a `ModalBody`.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -12,6 +12,11 @@ from ..errors import InertiaError, ModelError
 from ._reduction import reduced_shapes
 from .beams import modal_damping
 from .modal_body import ModalBody
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from .aliases import Matrix
 
 __all__ = ["craig_bampton"]
 
@@ -22,15 +27,15 @@ _RIGID = 1e-5
 
 
 def craig_bampton(
-    M: Any,
-    K: Any,
+    M: Matrix,
+    K: Matrix,
     nodes: Mapping[str, int],
     *,
-    positions: Any,
+    positions: ArrayLike,
     modes: int = 6,
     fixed: str | None = None,
-    damping: Any = None,
-    KG: Mapping[int, Any] | None = None,
+    damping: ArrayLike | None = None,
+    KG: Mapping[int, Matrix] | None = None,
 ) -> ModalBody:
     """Finite element matrices of a free body, reduced to constraint and fixed-interface modes, as a `ModalBody`.
 
@@ -88,32 +93,33 @@ def craig_bampton(
     at = sized_array(f"{_ME}: positions", positions)
     if at.ndim != 2 or at.shape[1] != 3 or len(at) == 0:
         raise ModelError(f"{_ME}: positions must be (n, 3), got shape {at.shape}")
-    M, K = _matrix("M", M, len(at)), _matrix("K", K, len(at))
+    M_all, K_all = _matrix("M", M, len(at)), _matrix("K", K, len(at))
     chosen = _nodes(nodes, len(at))
     if fixed is not None and not (isinstance(fixed, str) and fixed in chosen):
         raise ModelError(
             f"{_ME}: fixed must name one of the nodes ({', '.join(chosen)}) or be None, got {shown(fixed)}"
         )
     R = _rigid_motions(at)
-    absent = np.flatnonzero(np.asarray(abs(K).max(axis=1).todense()).ravel() == 0)
-    _check_free(K, R, absent)
+    absent = np.flatnonzero(np.asarray(abs(K_all).max(axis=1).todense()).ravel() == 0)
+    _check_free(K_all, R, absent)
     held = absent
     if fixed is not None:
         held = np.union1d(absent, 6 * chosen[fixed] + np.arange(6))
     others = [i for name, i in chosen.items() if name != fixed]
     interface = np.setdiff1d([6 * i + j for i in others for j in range(6)], held).astype(int)
     rigid = 0 if fixed is not None else 6 - (int(np.linalg.matrix_rank(R[absent])) if len(absent) else 0)
-    T, square = reduced_shapes(M, K, interface, held, count(f"{_ME}: modes", modes, 10000, least=0), rigid, _ME)
+    T, square = reduced_shapes(M_all, K_all, interface, held, count(f"{_ME}: modes", modes, 10000, least=0), rigid, _ME)
     shape = T.reshape(len(at), 6, -1)
     picked = list(chosen.values())
     note = f"Craig-Bampton of {len(at)} nodes, "
     note += f"clamped at {fixed}" if fixed is not None else "mean axes"
-    mass, com, inertia = _rigid_body(M, R)
+    mass, com, inertia = _rigid_body(M_all, R)
+    integrals: dict[str, Any] = _shape_integrals(M_all, R, T, at)
     return ModalBody(
         mass,
         com,
         inertia,
-        **_shape_integrals(M, R, T, at),
+        **integrals,
         K=np.diag(square),
         C=modal_damping(damping, np.sqrt(square), _ME),
         KG=_geometric(KG, T, len(at)),

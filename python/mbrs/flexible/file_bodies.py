@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -12,18 +12,23 @@ from ..errors import ModelError, NameNotFoundError
 from .component_modes import craig_bampton
 from .modal_body import ModalBody
 
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from numpy.typing import ArrayLike
+
 __all__ = ["from_file"]
 
 
 def from_file(
-    path: Any,
+    path: str | Path | Mapping[str, str | Path],
     nodes: Mapping[str, int],
     *,
-    positions: Any,
+    positions: ArrayLike | Mapping[int, ArrayLike],
     names: Mapping[str, str] | None = None,
     modes: int = 6,
     fixed: str | None = None,
-    damping: Any = None,
+    damping: ArrayLike | None = None,
 ) -> ModalBody:
     """A Craig-Bampton body from a file of matrices; see `craig_bampton` for the equations.
 
@@ -62,10 +67,10 @@ def from_file(
     found = read_matrices(path, whole_nodes=True)
     chosen = choose(found, "MK", names, path)
     if found.rows is not None:
-        nodes, positions = _by_grid(found.rows, nodes, positions)
-    return craig_bampton(
-        chosen["M"], chosen["K"], nodes, positions=positions, modes=modes, fixed=fixed, damping=damping
-    )
+        nodes, places = _by_grid(found.rows, nodes, positions)
+    else:
+        places = positions
+    return craig_bampton(chosen["M"], chosen["K"], nodes, positions=places, modes=modes, fixed=fixed, damping=damping)
 
 
 def _by_grid(rows: tuple[tuple[int, int], ...], nodes: Mapping[str, int], positions: Any) -> tuple[dict[str, int], Any]:

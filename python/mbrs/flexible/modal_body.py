@@ -17,6 +17,8 @@ from ..errors import InertiaError, ModelError
 from ._archive import read_arrays
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
     from matplotlib.figure import Figure
 
 __all__ = ["ModalBody"]
@@ -102,7 +104,7 @@ class ModalBody:
     line_position: np.ndarray = None  # type: ignore[assignment]
     line_shape: np.ndarray = None  # type: ignore[assignment]
     note: str = ""
-    driven: Any = field(default_factory=dict)
+    driven: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         m = self._modes()
@@ -263,7 +265,7 @@ class ModalBody:
         except ModelError as reason:
             raise type(reason)(f"{path}: {reason}") from None
 
-    def plot(self, modes: Any = None) -> Figure:
+    def plot(self, modes: Sequence[int] | None = None) -> Figure:
         """The shapes: displacement of the points of the line along the body for each mode, over the distance along the
         line. ``modes``: indices, all (at most 12) by default. Returns a matplotlib figure.
         """

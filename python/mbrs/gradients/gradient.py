@@ -6,7 +6,7 @@ import math
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypedDict
 
 import numpy as np
 
@@ -44,16 +44,16 @@ if TYPE_CHECKING:
     from ..system.state import State, StateLike
 
 # order of the error of a gradient, or a little less: its estimate divides by a power of two of it
-_ORDERS = {"explicit": 7, "ali3p": 2, "generalized-alpha": 2}
+_ORDERS = {"explicit": 7, "radau": 5, "ali3p": 2, "generalized-alpha": 2}
 # gradients of two step sizes that differ by more than this (relative) have not begun to converge
 _UNRELATED = 0.3
 METHODS = ("direct", "adjoint", "auto")
-SCHEMES = ("explicit", "ali3p", "generalized-alpha")
+SCHEMES = ("explicit", "radau", "ali3p", "generalized-alpha")
 _READINGS = 20
 
 
 @dataclass(frozen=True)
-class Found:
+class ObjectiveGradients:
     """Values, gradients (n_obj, n_p), work counts, kinks; what a change of all readings by their sizes does to each objective."""
 
     values: np.ndarray
@@ -61,6 +61,20 @@ class Found:
     counts: dict[str, int]
     kinks: tuple[Kink, ...]
     read: np.ndarray
+
+
+class GradientOptions(TypedDict, total=False):
+    """Options of `gradient` for those who compute gradients on the way."""
+
+    step: float | None
+    rtol: float | None
+    scheme: str
+    method: str
+    at: StateLike
+    without: Sequence[str]
+    weight: str | None
+    rho: float | None
+    keep: int
 
 
 def gradient(
@@ -71,7 +85,7 @@ def gradient(
     *,
     step: float | None = None,
     rtol: float | None = None,
-    scheme: str = "ali3p",
+    scheme: str | None = None,
     method: str = "auto",
     at: StateLike = None,
     without: Sequence[str] = (),
@@ -96,9 +110,11 @@ def gradient(
     step, rtol
         s, fixed steps (equal, at most so long, ending at t); or a tolerance that chooses them first. 1e-7 if neither is given.
     scheme
-        "explicit" (order 8, for scenes that are not stiff), "ali3p" or "generalized-alpha" (order 2), with the discrete solution
-        that `mb.simulate` has by that method and those steps; "explicit" in tree coordinates. "auto": "explicit" where the motion
-        is not stiff and follows its fastest vibration (with ``step``: not faster than 1/step), else "ali3p".
+        "explicit" (order 8, for scenes that are not stiff), "radau" (order 5, for stiff scenes), "ali3p" or "generalized-alpha"
+        (order 2), with the discrete solution that `mb.simulate` has by that method and those steps; "explicit" in tree coordinates.
+        "auto": "explicit" where the motion is not stiff and follows its fastest vibration (with ``step``: not faster than 1/step),
+        else "radau" with steps by a tolerance and "ali3p" with fixed steps, which may go over a vibration. None: "auto" with steps by
+        a tolerance, "ali3p" with ``step`` or ``weight``.
     method
         "direct": one tangent linear model per parameter along with the motion. "adjoint": the steps backwards, once per
         objective. "auto": by their numbers.
@@ -139,7 +155,7 @@ def gradient(
 
     Notes
     -----
-    Equations: docs/theory.md (20.1) to (20.9).
+    Equations: docs/theory.md (20.1) to (20.10).
     Direct: O(n_p) tangent steps; adjoint: O(1) in n_p. Sources: ALI3-P after Dopico and co-workers; generalised-alpha after
     O. Bruels, A. Cardona and M. Arnold, Mech. Mach. Theory 48 (2012) 121-137. Its Newton iterations are taken as converged, by
     which the derivative differs from that of every iterate by less than 1e-9 h^2 |a| of a step. The explicit scheme is that of
@@ -158,6 +174,8 @@ def gradient(
     True
     """
     begin = time.perf_counter()
+    if scheme is None:
+        scheme = "auto" if step is None and weight is None else "ali3p"
     if scheme not in (*SCHEMES, "auto"):
         raise ModelError(
             f"scheme={scheme!r} has no sensitivities; those that have are "
@@ -176,7 +194,7 @@ def gradient(
     along = directions(m, parameters)
     require_followed_guess(run, along)
     chosen = ("adjoint" if along.n > 8 * len(objectives) else "direct") if method == "auto" else method
-    found = _found(run, objectives, along, chosen)
+    found = _gradients(run, objectives, along, chosen)
     kinks, gradients = found.kinks, found.gradients
     warn_of(kinks)
     shaped = along.shaped(gradients if many else gradients[0])
@@ -201,7 +219,7 @@ def gradient(
     return _with_growth(made, found.read)
 
 
-def _found(run: Run, objectives: Sequence[Objective], along: Directions, method: str) -> Found:
+def _gradients(run: Run, objectives: Sequence[Objective], along: Directions, method: str) -> ObjectiveGradients:
     with Elapsed("gradient of a motion"):
         return _adjoint(run, objectives, along) if method == "adjoint" else _direct(run, objectives, along)
 
@@ -221,7 +239,7 @@ def _estimated(made: MotionGradient, run: Run, objectives: Sequence[Objective], 
     marks = [*(x for o in objectives for x in o.times), *_core.motion_breaks(run.snapshot.system, float(run.times[0]))]
     kept = np.isin(run.times, marks)
     kept[::2] = kept[-1] = True
-    other = _found(replace(run, times=run.times[kept]), objectives, along, made.method).gradients
+    other = _gradients(replace(run, times=run.times[kept]), objectives, along, made.method).gradients
     fine, coarse = effects_of(made, made.gradient), effects_of(made, other)
     size = np.abs(fine).max(axis=1)
     miss = np.abs(coarse - fine).max(axis=1)
@@ -311,7 +329,10 @@ def _scheme(snapshot: Snapshot, state: State, without: tuple[str, ...], end: flo
         explicit = _core.motion_is_explicit(
             snapshot.system, state.q, state.rate, state.memory.tolist(), list(without), (state.t, end), fixed
         )
-    return "explicit" if explicit else "ali3p"
+    if explicit:
+        return "explicit"
+    # fixed steps may go over a vibration, which the one keeps and the other damps; steps by a tolerance are a few of order five
+    return "radau" if step is None else "ali3p"
 
 
 def _with_marks(steps: np.ndarray, marks: np.ndarray) -> np.ndarray:
@@ -326,6 +347,7 @@ def _as_method(kind: dict[str, Any]) -> dict[str, Any]:
     scheme = kind["scheme"]
     return {"method": scheme} | {
         "explicit": {"coordinates": "tree"},
+        "radau": {},
         "ali3p": {},
         "generalized-alpha": {"rho": kind["rho"]},
     }[scheme]
@@ -363,7 +385,7 @@ def _try(objective: Objective, reader: Reader, times: np.ndarray, row: np.ndarra
         return
 
 
-def _direct(run: Run, objectives: Sequence[Objective], along: Directions) -> Found:
+def _direct(run: Run, objectives: Sequence[Objective], along: Directions) -> ObjectiveGradients:
     reader = _reader(run)
     _read(run, objectives, reader)
     nodes = run.nodes
@@ -382,7 +404,9 @@ def _direct(run: Run, objectives: Sequence[Objective], along: Directions) -> Fou
     for i, f in enumerate(found):
         gradients[i] += explicit_part(run.model, f.explicit, along)
     values = np.array([f.value for f in found])
-    return Found(values, gradients, dict(made["counts"]), tuple(made["kinks"]), _reads(found, made["values"]))
+    return ObjectiveGradients(
+        values, gradients, dict(made["counts"]), tuple(made["kinks"]), _reads(found, made["values"])
+    )
 
 
 def _reads(found: Sequence[Evaluation], rows: np.ndarray) -> np.ndarray:
@@ -414,7 +438,7 @@ def _number_by_parameters(m: Model, label: str, own: Directions, c: int, along: 
     return out
 
 
-def _adjoint(run: Run, objectives: Sequence[Objective], along: Directions) -> Found:
+def _adjoint(run: Run, objectives: Sequence[Objective], along: Directions) -> ObjectiveGradients:
     reader = _reader(run)
     _read(run, objectives, reader)
     for _ in range(_READINGS):
@@ -441,4 +465,6 @@ def _adjoint(run: Run, objectives: Sequence[Objective], along: Directions) -> Fo
         gradients[i] += explicit_part(run.model, f.explicit, along)
         counts.append(work)
     values = np.array([f.value for f in found])
-    return Found(values, gradients, added_counts(*counts), tuple(forward.kinks()), _reads(found, forward.values()))
+    return ObjectiveGradients(
+        values, gradients, added_counts(*counts), tuple(forward.kinks()), _reads(found, forward.values())
+    )

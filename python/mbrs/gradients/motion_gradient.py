@@ -12,6 +12,8 @@ from ..errors import ModelError
 from ..results import Result, derived, quantity, result
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
@@ -122,13 +124,21 @@ class MotionGradient(Result):
             stats=self.stats,
         )
 
-    def plot(self, kind: str = "tornado", *, ax: Axes | None = None, **options: Any) -> Figure:
+    def plot(
+        self,
+        kind: str = "tornado",
+        *,
+        n: int = 30,
+        change: float | Mapping[str, float] = 0.01,
+        objective: int = 0,
+        ax: Axes | None = None,
+    ) -> Figure:
         """Bars of the change of the objective by one per cent of each parameter, or by ``change=`` ("tornado")."""
         if kind != "tornado":
             raise ModelError(f"there is no plot {kind!r} of a gradient; known is 'tornado'")
         from ..plot import gradients
 
-        return gradients.tornado(self, ax=ax, **options)
+        return gradients.tornado(self, n=n, change=change, objective=objective, ax=ax)
 
 
 @result

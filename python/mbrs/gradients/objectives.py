@@ -11,7 +11,7 @@ import numpy as np
 
 from .._lib.checks import shown
 from ..errors import ModelError, NotDifferentiableError
-from ..motion.quantities import Asked, Instant, Names
+from ..motion.quantities import Instant, Names, QuantityKey
 from ..motion.tangent import Nodes
 
 _COMPLEX_STEP = 1e-40
@@ -32,7 +32,8 @@ class Integral:
     """The integral of function(s) over the motion, by the quadrature of the scheme: as accurate as the motion.
 
     The function is a further state of the motion. The weights of the scheme integrate it: the trapezoidal rule on the steps of
-    "ali3p" and "generalized-alpha" (order 2), the stages of "explicit" (order 8), at which the function is called too.
+    "ali3p" and "generalized-alpha" (order 2), the stages of "explicit" (order 8) and "radau" (order 5), at which the function
+    is called too.
 
     Parameters
     ----------
@@ -130,7 +131,7 @@ Objective = Integral | Final | AtTimes
 class NewReading(Exception):
     """A state was asked for something that was not among the quantities of the run."""
 
-    def __init__(self, asked: Asked) -> None:
+    def __init__(self, asked: QuantityKey) -> None:
         super().__init__(asked)
         self.asked = asked
 
@@ -141,10 +142,10 @@ class Reader:
 
     names: Names
     value_of: Callable[[str], Any]
-    places: dict[Asked, slice] = field(default_factory=dict)
+    places: dict[QuantityKey, slice] = field(default_factory=dict)
     addresses: dict[str, Any] = field(default_factory=dict)
 
-    def add(self, asked: Asked) -> None:
+    def add(self, asked: QuantityKey) -> None:
         """One quantity more."""
         start = self.width
         self.places[asked] = slice(start, start + self.names.width(asked))
@@ -157,7 +158,7 @@ class Reader:
     def instant(self, t: float, index: int, row: np.ndarray, values: dict[str, Any] | None = None) -> Instant:
         """The state object of a row of numbers."""
 
-        def read(asked: Asked) -> np.ndarray:
+        def read(asked: QuantityKey) -> np.ndarray:
             if asked not in self.places:
                 raise NewReading(asked)
             # a copy: an objective may change what it is given

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import ModelError, NameNotFoundError
-from ._poses import Array, Frame, Inertia, from_quaternion, turned
+from ._poses import Array, Frame, Inertia, from_quaternion, rotation_matrix
 from ._xml import Node, Source, clipped, parse
 
 # Files that include each other end here. Too small: deeply nested models are refused. Pinned by tests/io/test_hostile.py.
@@ -131,7 +131,7 @@ class Angles:
             return from_quaternion(_direction(node, key, q))
         if key == "axisangle":
             *axis, angle = node.numbers(key, 4)
-            return turned(_direction(node, key, axis), angle * self.unit)
+            return rotation_matrix(_direction(node, key, axis), angle * self.unit)
         if key == "zaxis":
             return _towards(_direction(node, key, node.numbers(key, 3)))
         if key == "xyaxes":
@@ -141,7 +141,7 @@ class Angles:
             return np.column_stack([x, y, np.cross(x, y)])
         R = np.eye(3)
         for letter, angle in zip(self.sequence, node.numbers(key, 3), strict=True):
-            step = turned(np.eye(3)["xyz".index(letter.lower())], angle * self.unit)
+            step = rotation_matrix(np.eye(3)["xyz".index(letter.lower())], angle * self.unit)
             R = R @ step if letter.islower() else step @ R
         return R
 
@@ -165,7 +165,7 @@ def _towards(z: Array) -> Array:
     sine = float(np.hypot(z[0], z[1]))
     if sine == 0.0:
         return np.eye(3) if z[2] > 0.0 else np.diag([1.0, -1.0, -1.0])
-    return turned(axis, math.atan2(sine, z[2]))
+    return rotation_matrix(axis, math.atan2(sine, z[2]))
 
 
 def geom_inertia(node: Node, angles: Angles) -> Inertia:
@@ -229,7 +229,7 @@ def _unit_solid(kind: str, size: list[float]) -> tuple[float, list[float]]:
     tube = 2.0 * math.pi * r * r * h
     if kind == "cylinder":
         return tube, [r * r / 4 + h * h / 3] * 2 + [r * r / 2]
-    ball = 4.0 / 3.0 * math.pi * r**3
+    ball = 4.0 / 3.0 * math.pi * r * r * r
     whole = tube + ball
     if whole == 0.0:  # sizes so small that the volume is lost
         return whole, [0.0] * 3

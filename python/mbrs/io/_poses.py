@@ -12,7 +12,7 @@ from .._lib.rotations import quaternion_matrix
 Array = np.ndarray
 
 
-def turned(axis: Sequence[float] | Array, angle: float) -> Array:
+def rotation_matrix(axis: Sequence[float] | Array, angle: float) -> Array:
     """The rotation (3, 3) about a direction, not zero, by an angle in rad (Rodrigues)."""
     a = np.asarray(axis, dtype=float)
     a = a / np.linalg.norm(a)
@@ -23,7 +23,7 @@ def turned(axis: Sequence[float] | Array, angle: float) -> Array:
 
 def roll_pitch_yaw(r: float, p: float, y: float) -> Array:
     """Rz(y) Ry(p) Rx(r), the fixed axes of URDF."""
-    return turned((0, 0, 1), y) @ turned((0, 1, 0), p) @ turned((1, 0, 0), r)
+    return rotation_matrix((0, 0, 1), y) @ rotation_matrix((0, 1, 0), p) @ rotation_matrix((1, 0, 0), r)
 
 
 def roll_pitch_yaw_of(R: Array) -> tuple[float, float, float]:

@@ -15,7 +15,7 @@ import zipfile
 from collections.abc import Sequence
 from importlib.resources import files
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 from xml.etree import ElementTree
 
 import numpy as np
@@ -35,7 +35,20 @@ if TYPE_CHECKING:
 
 _PLAIN = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*", re.ASCII)
 _STATE = re.compile(r"(.+)\.(velocity|angular_velocity|coordinate|rate|reaction)(?:\.([xyz])|\[(\d{1,3})\])?")
-_OPTIONS = ("rtol", "step", "method", "without", "rho", "max_step")
+
+
+class StepOptions(TypedDict, total=False):
+    """Options of `mbrs.simulate` that units take."""
+
+    rtol: float
+    step: float
+    method: str
+    without: Sequence[str]
+    rho: float
+    max_step: float
+
+
+_OPTIONS = tuple(StepOptions.__annotations__)
 
 
 def fmu(
@@ -45,7 +58,7 @@ def fmu(
     outputs: Ports,
     *,
     parameters: Sequence[str] | None = None,
-    **options: Any,
+    **options: Unpack[StepOptions],
 ) -> Path:
     """Write a model as an FMU for co-simulation: its whole motion, with forces and torques as inputs, motions and reactions as outputs.
 

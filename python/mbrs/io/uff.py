@@ -300,7 +300,8 @@ def _mode_sets(modes: ModalResult, omissions: list[Omission]) -> list[Set]:
     names = [body.name for body in scene.bodies]
     shapes = np.array([modes.body_shape(name) for name in names])  # (n_body, 6, n_mode)
     numbers = np.array([nodes.of(name) for name in names])
-    lines = [(one.a, one.b) for one in (*scene.joints, *scene.links) if one.a and one.b]
+    ends = [(one.a, one.b) for one in scene.joints] + [(one.a, one.b) for one in scene.links]
+    lines = [(a, b) for a, b in ends if a and b]
     sets = nodes.geometry({body.name: np.array(body.origin) for body in scene.bodies}, lines)
     for k, s in enumerate(modes.eigenvalue):
         shape = shapes[:, :, k]

@@ -8,29 +8,35 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
+from .._lib.aliases import Matrix, Sparse
 from ..model.model import Model
-from ..model.ports import Port
+from ..model.ports import Port, PortLike, Ports
 from .linearization import Linearization
 from .matrices import MechanicalSystem
 
+__all__ = [
+    "Coefficients",
+    "Force",
+    "Linear",
+    "Load",
+    "LoadCase",
+    "Loads",
+    "Matrix",
+    "PortLike",
+    "Ports",
+    "Shapes",
+    "Sparse",
+]
+
 # A model, linearised where it is drawn or at a given state; its linearisation; matrices.
 Linear = Model | Linearization | MechanicalSystem
-# "body.force.x" or a coordinate's name, its number, a direction (n,), directions (n, k) by column.
-PortLike = Port | str | int | np.integer[Any] | ArrayLike
-# One, or several.
-Ports = PortLike | Sequence[PortLike]
+# A port, or several with their complex amplitudes.
+LoadCase = PortLike | Mapping[Port | str, complex]
 # Values at the times (n_t,), or a function of time in s.
 Load = ArrayLike | Callable[[float], Any]
 Loads = Mapping[Any, Load] | Sequence[tuple[PortLike, Load]]
 # A vector (n,) on the first harmonic, or vectors by harmonic; complex for phases.
 Force = ArrayLike | Mapping[int, ArrayLike]
-
-
-class Sparse(Protocol):
-    """A sparse matrix of SciPy."""
-
-    def toarray(self) -> np.ndarray:
-        """The matrix with its zeros."""
 
 
 class HasShapes(Protocol):
@@ -53,7 +59,6 @@ class HasCoefficients(Protocol):
         """Fourier coefficients (dof, 2H+1)."""
 
 
-Matrix = ArrayLike | Sparse
 # Modes, or their shapes (dof, n) by column.
 Shapes = HasShapes | ArrayLike
 Coefficients = HasCoefficients | ArrayLike

@@ -138,11 +138,18 @@ class CampbellResult(Result):
         """Frequencies over the speed, then the critical speeds."""
         return [*super().blocks(), self.critical.block()]
 
-    def plot(self, *, ax: Axes | None = None, **options: Any) -> Figure:
+    def plot(
+        self,
+        *,
+        orders: tuple[float, ...] = (1.0, 2.0),
+        most: int = 16,
+        ax: Axes | None = None,
+        label: str | None = None,
+    ) -> Figure:
         """Frequencies over the speed; returns the figure, see `mbrs.plot.campbell`."""
         from ..plot import campbell as draw
 
-        return draw(self, ax=ax, **options)
+        return draw(self, orders=orders, most=most, ax=ax, label=label)
 
 
 _ARROW = {1: "+", -1: "-", 0: ""}

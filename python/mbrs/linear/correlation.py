@@ -6,7 +6,7 @@ import math
 import time
 import warnings
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, Unpack
 
 import numpy as np
 
@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from ..model.model import Model
     from ..system.state import StateLike
     from .aliases import Shapes
+    from .pairing import PairOptions
 
 # Modes that are less alike than this are not pairs. Too small: strangers are paired; too large: modes of a model that still has to be
 # updated have no partner.
@@ -269,7 +270,7 @@ class Correlation(Result):
 
         return correlation(self, ax=ax)
 
-    def report(self, path: str | Path, title: str = "Test and computation") -> Any:
+    def report(self, path: str | Path, title: str = "Test and computation") -> Path:
         """Write one self-contained page, and return its path."""
         from ..view.page import Section, write_page
 
@@ -289,7 +290,7 @@ def correlate(
     pairing: Pairing | None = None,
     at: StateLike = None,
     band: tuple[float, float] | None = None,
-    **options: Any,
+    **options: Unpack[PairOptions],
 ) -> Correlation:
     """Compare a measurement with a model: frequencies, damping, MAC, CoMAC, FRAC, signs and units.
 

@@ -15,9 +15,13 @@ from .._lib.border import core_errors
 from .._lib.text import without_rounding
 from ..errors import ModelError
 from ..results import Result, Stats, derived, quantity, result
+from .linear_system import relaxes
 from .modal_result import ModalResult, array_of, refuse_sparse_model
+from .relaxation import states_of
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
     from numpy.typing import ArrayLike
@@ -194,7 +198,7 @@ class EigenSensitivity(Result):
             chosen.__dict__["_flat_shape"] = self._flat_shape[..., part]
         return chosen
 
-    def directional(self, dp: Any) -> DirectionalDerivative:
+    def directional(self, dp: Mapping[str, float] | ArrayLike) -> DirectionalDerivative:
         """Derivatives along one change of all parameters, repeated groups included.
 
         Parameters
@@ -241,11 +245,11 @@ class EigenSensitivity(Result):
             notes.append("- where no derivative exists (near-defective, rigid, or a group cut by n=).")
         return notes
 
-    def plot(self, *, ax: Axes | None = None, **options: Any) -> Figure:
+    def plot(self, mode: int = 0, *, most: int = 20, ax: Axes | None = None) -> Figure:
         """Tornado chart (`mbrs.plot.tornado`); returns the Matplotlib figure."""
         from ..plot import tornado
 
-        return tornado(self, ax=ax, **options)
+        return tornado(self, mode, most=most, ax=ax)
 
     def _shaped(self, a: np.ndarray) -> np.ndarray:
         if len(self.shapes) == 1 and self.shapes[0]:
@@ -304,15 +308,12 @@ def eigen_sensitivity(
     >>> eigen_sensitivity(modal, dK=[[[1.0]]]).omega
     array([[0.25]])
     """
-    if "relaxation" in getattr(modal, "kind", ()):
-        raise ModelError(
-            "derivatives of modes do not know states of laws that relax; give the elements k= and c= in place of the law, or use "
-            "mb.gradient of a motion"
-        )
     start = time.perf_counter()
     if not isinstance(modal, ModalResult):
         raise ModelError(f"eigen_sensitivity needs the result of mbrs.modes, got {type(modal).__name__}")
     refuse_sparse_model(modal.system, "modal result")
+    if (states := states_of(modal.system)) is not None:
+        raise relaxes(states.names[0])
     dof = len(modal.coordinates)
     parts = [_entries(name, a, dof) for name, a in (("dM", dM), ("dC", dC), ("dK", dK))]
     counts = {count for _, count in parts if count is not None}

@@ -12,7 +12,7 @@ import numpy as np
 
 from .. import _core
 from .._lib.border import core_errors
-from .._lib.progress import while_long
+from .._lib.progress import call_progress
 from .._lib.text import Block, without_rounding
 from ..errors import ConvergenceError, MbrsWarning
 from ..model.schema import BODY
@@ -200,7 +200,7 @@ def equilibrium(m: Model, *, at: StateLike = None, without: Sequence[str] = ()) 
     else:
         begin = state_of(m, snapshot.system, at)
     try:
-        with while_long(f"equilibrium of {m.name!r}", 100.0 * snapshot.system.n_tree**3):
+        with call_progress(f"equilibrium of {m.name!r}", 100.0 * snapshot.system.n_tree**3):
             r = snapshot.system.equilibrium(begin.q, list(without))
     except _core.CoreConvergenceError as problem:
         text, best, residual = problem.args

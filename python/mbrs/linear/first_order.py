@@ -14,6 +14,8 @@ from ..results import Result, quantity, result
 from .linear_system import LinearSystem, dense
 
 if TYPE_CHECKING:
+    import control
+    import scipy.signal
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
@@ -73,7 +75,7 @@ class StateSpace(Result):
 
         return eigenvalues(self, ax=ax)
 
-    def to_control(self) -> Any:
+    def to_control(self) -> control.StateSpace:
         """`control.StateSpace` with the names (needs ``pip install mbrs-dynamics[control]``)."""
         import control
 
@@ -87,14 +89,14 @@ class StateSpace(Result):
             outputs=[_plain(s) for s in self.outputs],
         )
 
-    def to_scipy(self) -> Any:
+    def to_scipy(self) -> scipy.signal.StateSpace:
         """`scipy.signal.StateSpace`."""
         from scipy.signal import StateSpace as SciPyStateSpace
 
         return SciPyStateSpace(self.A, self.B, self.C, self.D)
 
     @staticmethod
-    def from_control(system: Any) -> StateSpace:
+    def from_control(system: control.StateSpace | control.TransferFunction) -> StateSpace:
         """A `control.StateSpace`, or a `control.TransferFunction`, with its names.
 
         Raises
@@ -123,7 +125,7 @@ class StateSpace(Result):
         )
 
     @staticmethod
-    def from_scipy(system: Any) -> StateSpace:
+    def from_scipy(system: scipy.signal.lti) -> StateSpace:
         """A `scipy.signal.StateSpace`, or another of its linear systems; states x0, ..., inputs u0, ..., outputs y0, ...
 
         Raises

@@ -12,11 +12,11 @@ import numpy as np
 
 from .. import _core
 from .._lib.border import core_errors
-from .._lib.progress import while_long
+from .._lib.progress import call_progress
 from ..errors import MbrsWarning, ModelError
 from ..results import Result, Stats, added_counts, quantity, result
 from .linear_system import LinearSystem, Origin, csc_arrays, dense, reduction_of, relaxes
-from .relaxation import Relaxation
+from .relaxation import States
 from .second_order import linear_system
 
 if TYPE_CHECKING:
@@ -96,13 +96,15 @@ class FrfResult(Result):
     def notes(self) -> list[str]:
         return [f"route: {self.stats.route}, error {self.error:.1e}, {self.status}"]
 
-    def plot(self, kind: str = "bode", *, ax: Axes | None = None, **options: Any) -> Figure:
+    def plot(
+        self, kind: str = "bode", *, marks: ArrayLike = (), ax: Axes | None = None, label: str | None = None
+    ) -> Figure:
         """``kind="bode"`` or ``"nyquist"``; ``ax``: axes to draw into, of a Bode plot one (magnitude) or two. Returns the
         figure; see `mbrs.plot.frf`.
         """
         from ..plot import frf as draw
 
-        return draw(self, kind, ax=ax, **options)
+        return draw(self, kind, marks=marks, ax=ax, label=label)
 
 
 @result
@@ -219,8 +221,8 @@ def frf(
     if modes is not None and (not isinstance(modes, int | np.integer) or modes < 1):
         raise ModelError(f"modes={modes!r} must be a number of modes, at least 1")
     solver: _Dense | _Sparse | _Relaxing
-    if linear.relaxation is not None:
-        solver = _Relaxing(linear, linear.relaxation, ORDER_OUT[kind], modes)
+    if linear.states is not None:
+        solver = _Relaxing(linear, linear.states, ORDER_OUT[kind], modes)
     elif linear.is_large:
         solver = _Sparse(linear, ORDER_OUT[kind], points, limits)
     else:
@@ -233,7 +235,7 @@ def frf(
         points = _sampled(limits, poles)
     with (
         core_errors(),
-        while_long(f"transfer function at {len(points)} frequencies", len(points) * float(linear.n) ** 2),
+        call_progress(f"transfer function at {len(points)} frequencies", len(points) * float(linear.n) ** 2),
     ):
         raw = solver.evaluate(points)
         if limits is None:
@@ -293,8 +295,8 @@ def frf_sensitivity(
     Cost: one factorisation O(n^3) per frequency, then O(non-zeros (n_in + n_out)) per parameter.
     """
     start = time.perf_counter()
-    if linear.relaxation is not None:
-        raise relaxes(linear.relaxation.names[0])
+    if linear.states is not None:
+        raise relaxes(linear.states.names[0])
     omega = np.ascontiguousarray(omega, dtype=float)
     reduction, _ = linear.reduction()
     with core_errors():
@@ -338,32 +340,34 @@ class _Dense:
 
 
 class _Relaxing:
-    """A system with laws that relax, as stiffnesses that depend on the frequency: H - H_w kappa (1 + H_ww kappa)^-1 H_w'."""
+    """A system with states z' = P y + R y' + A z of laws and of the air, which act by E z: H + H_E (s - A - B H_E)^-1 B H, B = P + s R."""
 
-    def __init__(self, linear: LinearSystem, own: Relaxation, order_out: int, modes: int | None) -> None:
+    def __init__(self, linear: LinearSystem, own: States, order_out: int, modes: int | None) -> None:
         if modes is not None:
-            raise ModelError("modes= does not know laws that relax; leave it out")
+            raise ModelError("modes= does not know states of laws or of the air; leave it out")
         self.linear, self.order_out, self.own = linear, order_out, own
-        m = len(self.own.k)
-        F, L = np.hstack([linear.F, self.own.W]), np.vstack([linear.L, self.own.W.T])
-        D0 = None if linear.D0 is None else np.pad(linear.D0, ((0, m), (0, m)))
+        m = len(own.own)
+        F, L = np.hstack([linear.F, own.effect]), np.vstack([linear.L, own.by_place, own.by_rate])
+        D0 = None if linear.D0 is None else np.pad(linear.D0, ((0, 2 * m), (0, m)))
         names = tuple(f"u{j}" for j in range(F.shape[1]))
         order_in = np.concatenate([linear.order_in, np.zeros(m, dtype=np.int64)])
-        self.bare = _Dense(replace(linear, F=F, L=L, D0=D0, order_in=order_in, inputs=names, shared=()), 0, None)
-        poles = reduction_of(*self.own.extended(dense(linear.M), _dense(linear.D), dense(linear.S)))[0].poles
+        M, D, S = dense(linear.M), _dense(linear.D), dense(linear.S)
+        held = own.held(D, S)
+        bare = replace(linear, D=held[0], S=held[1], F=F, L=L, D0=D0, order_in=order_in, inputs=names, shared=())
+        self.bare = _Dense(bare, 0, None)
+        poles = reduction_of(*own.extended(M, D, S))[0].poles
         # the zero roots belong to no motion
         assert poles is not None
         self.poles: np.ndarray | None = poles[np.argsort(np.abs(poles), kind="stable")][m:]
         self.counts = self.bare.counts
 
     def evaluate(self, omega: np.ndarray, checked: bool = True) -> dict[str, Any]:
-        m = len(self.own.k)
+        m = len(self.own.own)
         raw = self.bare.evaluate(omega, checked)
-        H = np.moveaxis(raw["value"], 2, 0)
-        kappa = self.own.stiffness(omega).T[:, None, :]
-        across = H[:, :-m, -m:] * kappa
-        inner = np.eye(m) + H[:, -m:, -m:] * kappa
-        value = H[:, :-m, :-m] - across @ np.linalg.solve(inner, H[:, -m:, :-m])
+        H, s = np.moveaxis(raw["value"], 2, 0), 1j * omega[:, None, None]
+        driven = H[:, -2 * m : -m] + s * H[:, -m:]
+        inner = s * np.eye(m) - self.own.own - driven[:, :, -m:]
+        value = H[:, : -2 * m, :-m] + H[:, : -2 * m, -m:] @ np.linalg.solve(inner, driven[:, :, :-m])
         value = np.moveaxis(value, 0, 2) * (1j * omega) ** self.order_out
         return {**raw, "value": self.linear.joined(value, 1), "route": f"{raw['route']}, condensed states"}
 
@@ -400,11 +404,11 @@ class _Sparse:
         with core_errors():
             try:
                 below = _core.sparse_count(M, S, highest**2)
+                if below is None or below > self._most_poles:
+                    return None
+                found = _core.sparse_modes(M, D, S, min(below + 2, self.linear.n))
             except _core.CoreError:
                 return None
-            if below is None or below > self._most_poles:
-                return None
-            found = _core.sparse_modes(M, D, S, min(below + 2, self.linear.n))
         self.counts = found["counts"]
         s = found["eigenvalue"] if "eigenvalue" in found else 1j * np.sqrt(found["lambda"].astype(complex))
         return np.concatenate([s, np.conj(s)])

@@ -14,7 +14,7 @@ from .. import _core
 from .._lib.border import core_errors
 from ..errors import ModelError
 from ..model.names import index
-from .relaxation import Relaxation, relaxation_of
+from .relaxation import States, states_of
 
 EFFECT_OF = {"C": "damping", "G": "gyroscopic", "N": "circulatory"}
 _DENSE_LIMIT = 3000
@@ -42,8 +42,8 @@ class LinearSystem:
     effects: tuple[str, ...]
     source: Any = None
     shared: tuple[int, ...] = ()
-    # states of laws that relax, beside M, D and S
-    relaxation: Relaxation | None = None
+    # states of laws and of the air, beside M, D and S
+    states: States | None = None
 
     @property
     def n(self) -> int:
@@ -84,11 +84,11 @@ class Origin:
 def assembled(system: Any, effects: Sequence[str], inputs: Any, outputs: Any, relaxing: bool = False) -> LinearSystem:
     """The matrices of a linearisation or `MechanicalSystem` with these effects, and the maps of inputs and outputs.
 
-    ``relaxing``: the caller knows states of laws that relax.
+    ``relaxing``: the caller knows states of laws and of the air.
     """
-    relaxation = relaxation_of(system)
-    if relaxation is not None and not relaxing:
-        raise relaxes(relaxation.names[0])
+    states = states_of(system)
+    if states is not None and not relaxing:
+        raise relaxes(states.names[0])
     used = {k: getattr(system, k) if e in effects else None for k, e in EFFECT_OF.items()}
     coordinates = tuple(system.coordinates)
     D0, shared = None, ()
@@ -119,7 +119,7 @@ def assembled(system: Any, effects: Sequence[str], inputs: Any, outputs: Any, re
         effects=tuple(effects),
         source=system,
         shared=shared,
-        relaxation=relaxation,
+        states=states,
     )
 
 
@@ -167,10 +167,15 @@ def _coordinate(p: Any, coordinates: tuple[str, ...], what: str) -> int:
 
 
 def relaxes(name: str) -> ModelError:
-    """The refusal of an analysis that has no place for states of laws."""
+    """The refusal of an analysis that has no place for states of laws or of the air."""
+    remedy = (
+        'inflow="bem" without attached= and stall='
+        if name.startswith("the air")
+        else "the element k= and c= in place of the law"
+    )
     return ModelError(
-        f"the law on {name} has a state that relaxes, which this analysis does not know; mb.modes, mb.frf, mb.response and "
-        "mb.simulate do, or give the element k= and c= in place of the law"
+        f"{name} has a state that relaxes, which this analysis does not know; mb.modes, mb.frf, mb.response and mb.simulate do, or give "
+        f"{remedy}"
     )
 
 

@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from ..model.model import Model
+    from ..model.ports import Ports
 
 
 @result
@@ -287,7 +288,7 @@ class Linearization(Result):
                     direct[i, j] = np.asarray(port.direction) @ (rigid[3:] if port.is_rotation else rigid[:3])
         return rows, direct, tuple(p.name for p in made)
 
-    def state_space(self, inputs: Any = None, outputs: Any = None) -> StateSpace:
+    def state_space(self, inputs: Ports | None = None, outputs: Ports | None = None) -> StateSpace:
         """A, B, C, D of x = (y, y'), with the names of inputs and outputs: see `mb.state_space`."""
         effects = [name for kind, name in EFFECT_OF.items() if getattr(self, kind) is not None]
         return first_order(assembled(self, effects, inputs, outputs))

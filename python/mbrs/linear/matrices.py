@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -12,6 +12,12 @@ from .._lib.border import require_memory
 from .._lib.formats import Omission, warn_of_omissions
 from .._lib.matrix_files import choose, read_matrices, write_matrices
 from ..errors import ModelError
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from .._lib.aliases import Matrix
+    from ..model.laws import Law
 
 
 def _is_sparse(a: Any) -> bool:
@@ -46,13 +52,13 @@ class MechanicalSystem:
 
     def __init__(
         self,
-        M: Any,
-        C: Any = None,
-        K: Any = None,
+        M: Matrix,
+        C: Matrix | None = None,
+        K: Matrix | None = None,
         *,
-        G: Any = None,
-        N: Any = None,
-        elements: Sequence[Any] = (),
+        G: Matrix | None = None,
+        N: Matrix | None = None,
+        elements: Sequence[Law] = (),
         coordinates: Sequence[str] | None = None,
     ) -> None:
         if K is None:
@@ -70,7 +76,7 @@ class MechanicalSystem:
         self.coordinates = names
 
     @staticmethod
-    def load(path: Any, names: Mapping[str, str] | None = None) -> MechanicalSystem:
+    def load(path: str | Path, names: Mapping[str, str] | None = None) -> MechanicalSystem:
         """A system from a file of matrices: ``.op4``, ``.pch`` (DMIG), ``.mtx``, ``.mat`` (docs/files.md).
 
         Parameters

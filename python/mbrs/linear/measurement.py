@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
@@ -16,6 +16,8 @@ from .frf import FrfResult
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+    from .frf import FrfResult
 
 __all__ = ["MeasuredFunction", "Measurement"]
 
@@ -162,7 +164,7 @@ class Measurement(Result):
             kinds[name] = kinds.get(name, 0) + 1
         return [f"{n} x {name}" for name, n in kinds.items()]
 
-    def plot(self, *, against: Any = None, ax: Axes | None = None) -> Figure:
+    def plot(self, *, against: FrfResult | None = None, ax: Axes | None = None) -> Figure:
         """Magnitudes of all frequency responses, and the natural frequencies as vertical lines; returns the figure.
 
         Parameters

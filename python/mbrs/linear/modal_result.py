@@ -25,6 +25,9 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from ..model.aliases import BodyLike
+    from ..plot.protocols import HasModes
+    from ..view.modes import Viewer
+    from ..view.scene import SceneGeometry
 
 TWIST = FIXED_LABELS["component"]
 KINDS = ("rigid", "vibration", "overdamped", "flutter", "divergence")
@@ -153,9 +156,10 @@ class ModalResult(Result):
         return np.isin(self.kind, ("flutter", "divergence"))
 
     @property
-    def geometry(self) -> Any:
+    def geometry(self) -> SceneGeometry | None:
         """Bodies and joints to draw, from the model; None for plain matrices."""
-        return getattr(self.system, "geometry", None)
+        found: SceneGeometry | None = getattr(self.system, "geometry", None)
+        return found
 
     def group_of(self, mode: int) -> tuple[int, ...]:
         """Indices of the repeated group that a mode belongs to; the mode alone if there is none."""
@@ -253,19 +257,35 @@ class ModalResult(Result):
             notes.append("* near-defective: two roots almost meet (critical damping).")
         return notes
 
-    def plot(self, view: str = "poles", *, ax: Axes | None = None, **options: Any) -> Figure:
+    def plot(
+        self,
+        view: str = "poles",
+        *,
+        n: int | None = None,
+        against: HasModes | tuple[ArrayLike, ArrayLike] | None = None,
+        ax: Axes | None = None,
+        label: str | None = None,
+    ) -> Figure:
         """Poles, and without ``ax`` how much each coordinate moves; or, as ``plot("list", against=other)``, frequencies and damping
         ratios over the number of the mode, of two results beside each other (`mbrs.plot.modes`). Returns the figure.
         """
         from ..plot import modes as draw
 
-        return draw(self, view, ax=ax, **options)
+        return draw(self, view, n=n, against=against, ax=ax, label=label)
 
-    def animate(self, path: str | Path | None = None, **options: Any) -> Any:
+    def animate(
+        self,
+        path: str | Path | None = None,
+        *,
+        n: int = 30,
+        select: int | None = None,
+        phase: float | None = None,
+        title: str = "Modes",
+    ) -> Path | Viewer:
         """Shapes in motion as one self-contained page (`mbrs.view.modes`); returns the path, or a viewer."""
         from ..view.modes import modes as draw
 
-        return draw(self, path, **options)
+        return draw(self, path, n=n, select=select, phase=phase, title=title)
 
 
 def _status(r: dict[str, Any], n: int) -> str:

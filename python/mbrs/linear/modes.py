@@ -13,7 +13,7 @@ import numpy as np
 
 from .. import _core
 from .._lib.border import core_errors
-from .._lib.progress import while_long
+from .._lib.progress import call_progress
 from ..errors import ConvergenceError, ModelError, SingularError
 from ..model.book import Book
 from ..model.schema import LAW_OF_CODE
@@ -21,17 +21,14 @@ from .linearization import Linearization
 from .linearize import second_order_of
 from .matrices import MechanicalSystem
 from .modal_result import ModalResult, array_of, modal_result
-from .relaxation import relaxation_of, relaxing_modes
-from .sparse_modes import is_large, model_modes, sparse_modes
+from .relaxation import relaxing_modes, states_of
+from .sparse_modes import DENSE_INSTEAD, is_large, model_modes, sparse_modes
 from .stiffness_factor import stiffness_factor
 
 if TYPE_CHECKING:
     from ..system.state import StateLike
     from .aliases import Linear, Matrix
 
-# Largest damped system whose crowded roots, which no real shift parts, are taken from the dense route. Larger: minutes of work after a
-# failure. Smaller: failures that need not be.
-_DENSE_INSTEAD = 1500
 _MATRIX_EFFECTS = {"damping": "C", "gyroscopic": "G", "circulatory": "N"}
 
 
@@ -124,7 +121,7 @@ def _second_order(m: Any, at: Any, without: tuple[str, ...]) -> tuple[Any, tuple
             raise ModelError(f"without={name!r}: the effects of a MechanicalSystem are {known}")
     drop = {_MATRIX_EFFECTS[name] for name in without}
     if drop:
-        parts = {a: None if a in drop else getattr(m, a) for a in ("M", "C", "K", "G", "N")}
+        parts: dict[str, Any] = {a: None if a in drop else getattr(m, a) for a in ("M", "C", "K", "G", "N")}
         m = MechanicalSystem(**parts, elements=m.elements, coordinates=m.coordinates)
     return m, tuple(name for name, a in _MATRIX_EFFECTS.items() if getattr(m, a) is not None)
 
@@ -183,14 +180,8 @@ def _sparse(system: Any, n: int | None, effects: tuple[str, ...], shift: float |
     except ConvergenceError as problem:
         size = system.M.shape[0]
         general = system.C is not None or system.G is not None or system.N is not None
-        if size > _DENSE_INSTEAD or not general:
-            reason, remedy = str(problem).split("; ")[0], "give shift=, a frequency near the wanted modes"
-            if general:
-                remedy = (
-                    "the lowest roots of damped, gyroscopic or circulatory systems that lie this close are found up to "
-                    f"{_DENSE_INSTEAD} coordinates: reduce the matrices, for instance to the modes without damping"
-                )
-            raise ConvergenceError(f"modes of {size} coordinates: {reason}; {remedy}", problem.result) from None
+        if size > DENSE_INSTEAD or not general:
+            raise ConvergenceError(f"modes of {size} coordinates: {problem}", problem.result) from None
     found = _dense(system, n, effects, None, shift, start)
     route = f"{found.stats.route} (dense: the sparse route did not converge)"
     return found.replaced(stats=replace(found.stats, route=route))
@@ -202,13 +193,13 @@ def _dense(
     f = None if factor is None else _matrix("stiffness_factor", factor)
     mass, stiffness = np.asarray(array_of(system.M)), np.asarray(array_of(system.K))
     damping, gyroscopic, circulatory = (array_of(getattr(system, a)) for a in "CGN")
-    relaxation = relaxation_of(system)
-    if relaxation is not None:
+    states = states_of(system)
+    if states is not None:
         with core_errors():
-            r = relaxing_modes(system, relaxation, (damping, gyroscopic), (stiffness, circulatory))
+            r = relaxing_modes(system, states, (damping, gyroscopic), (stiffness, circulatory))
         return modal_result(system, r if shift is None or n is None else _nearest(r, n, shift), n, effects, start)
     try:
-        with core_errors(), while_long(f"modes of {len(mass)} coordinates", 100.0 * len(mass) ** 3):
+        with core_errors(), call_progress(f"modes of {len(mass)} coordinates", 100.0 * len(mass) ** 3):
             r, mf = _with_its_masses(system, mass, damping, gyroscopic, stiffness, circulatory, f)
             f = _factor_for(system, r) if f is None else None
             if f is not None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, TypedDict
 
 import numpy as np
 
@@ -117,6 +117,14 @@ class Pairing(Result):
         what: Any = "torque" if kind == "force" and turns else kind
         x, y, z = vector.tolist()
         return Port(text, what, place.body, place.marker, place.point, (x, y, z), turns)
+
+
+class PairOptions(TypedDict, total=False):
+    """Options of `pair` for those who pair on the way."""
+
+    points: Mapping[int | str, BodyLike] | None
+    frame: tuple[ArrayLike, ArrayLike] | None
+    tolerance: float | None
 
 
 def pair(

@@ -1,11 +1,14 @@
-"""Laws whose states relax (`mb.Maxwell`) in linear analyses: springs in series with dashpots along directions.
+"""States of laws and of the air in linear analyses: what answers small motions y with a time of its own.
 
-Beside the slope at rest, which K holds, such a law answers small motions y by the force W diag(k s / (s + rate)) W^T y. With the
-extension p' = u - z of each spring as one more rate this is a second-order system with a regular mass matrix,
+    M y" + D y' + S y = E z + f,   z' = P y + R y' + A z
 
-    [M 0; 0 k] [y"; p"] + [D  W k; -k W^T  k rate] [y'; p'] + [S 0; 0 0] [y; p] = [f; 0],
+`mb.Maxwell` on a direction w: z is the extension of each spring, E = -w k, R = w^T, A = -rate; M, D, S are those of the linearisation,
+in which its extension is zero. States of the air come to rest in a linearisation, so that D and S at held states are
+D - E A^-1 R and S - E A^-1 P. With p' = z as one more rate this is a second-order system with a regular mass matrix,
 
-in which p itself acts on nothing: one root zero for each spring, which belongs to no motion.
+    [M 0; 0 w] [y"; p"] + [D  -E; -w R  -w A] [y'; p'] + [S 0; -w P 0] [y; p] = [f; 0],
+
+in which p itself acts on nothing: one root zero for each state, which belongs to no motion.
 """
 
 from __future__ import annotations
@@ -17,7 +20,9 @@ from typing import Any
 import numpy as np
 
 from .. import _core
+from .._lib.border import core_errors
 from .._lib.rotations import twist_at
+from ..errors import ModelError
 from ..model.schema import LAW_OF_CODE
 from ..model.tables import tables
 
@@ -36,30 +41,53 @@ class LawPlace:
 
 
 @dataclass(frozen=True, eq=False)
-class Relaxation:
-    """Directions (dof, m), stiffnesses and rates (m,) of springs with dashpots, and the objects they are on."""
+class States:
+    """E ``effect`` (dof, m), P ``by_place`` and R ``by_rate`` (m, dof), A ``own`` (m, m), the ``weight`` w (m,) of their rows, and the
+    objects that they are on. ``damping``, ``stiffness`` (dof, dof): what D and S of the linearisation lack, None of nothing.
+    """
 
-    W: np.ndarray
-    k: np.ndarray
-    rate: np.ndarray
+    effect: np.ndarray
+    by_place: np.ndarray
+    by_rate: np.ndarray
+    own: np.ndarray
+    weight: np.ndarray
     names: tuple[str, ...]
+    damping: np.ndarray | None = None
+    stiffness: np.ndarray | None = None
 
-    def stiffness(self, omega: np.ndarray) -> np.ndarray:
-        """(m, n_omega) complex stiffnesses k i omega / (i omega + rate)."""
-        s = 1j * np.asarray(omega)[None, :]
-        return np.asarray(self.k[:, None] * s / (s + self.rate[:, None]))
+    def held(self, D: np.ndarray | None, S: np.ndarray) -> tuple[np.ndarray | None, np.ndarray]:
+        """Damping and gyroscopic, and stiffness matrix at held states."""
+        return _total(D, self.damping), S if self.stiffness is None else S + self.stiffness
 
     def extended(self, M: np.ndarray, D: np.ndarray | None, S: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Mass, damping and gyroscopic, and stiffness matrix of (y, p)."""
-        n, m = self.W.shape
-        G = self.W * self.k
-        zero = np.zeros((n, m))
-        damping = np.zeros((n, n)) if D is None else D
+        n, m = self.effect.shape
+        damping, stiffness = self.held(D, S)
+        damping = np.zeros((n, n)) if damping is None else damping
+        zero, w = np.zeros((n, m)), self.weight[:, None]
         return (
-            np.block([[M, zero], [zero.T, np.diag(self.k)]]),
-            np.block([[damping, G], [-G.T, np.diag(self.k * self.rate)]]),
-            np.block([[S, zero], [zero.T, np.zeros((m, m))]]),
+            np.block([[M, zero], [zero.T, np.diag(self.weight)]]),
+            np.block([[damping, -self.effect], [-w * self.by_rate, -w * self.own]]),
+            np.block([[stiffness, zero], [-w * self.by_place, np.zeros((m, m))]]),
         )
+
+
+def _joined(parts: list[States]) -> States | None:
+    """The states of several parts, one after the other."""
+    if len(parts) < 2:
+        return parts[0] if parts else None
+    a, b = parts
+    corner = np.zeros((len(a.own), len(b.own)))
+    return States(
+        np.hstack([a.effect, b.effect]),
+        np.vstack([a.by_place, b.by_place]),
+        np.vstack([a.by_rate, b.by_rate]),
+        np.block([[a.own, corner], [corner.T, b.own]]),
+        np.concatenate([a.weight, b.weight]),
+        (*a.names, *b.names),
+        _total(a.damping, b.damping),
+        _total(a.stiffness, b.stiffness),
+    )
 
 
 def law_places(lin: Any) -> Iterator[LawPlace]:
@@ -103,21 +131,51 @@ def function_places(lin: Any) -> Iterator[FunctionPlace]:
         )
 
 
-def relaxation_of(system: Any) -> Relaxation | None:
-    """The relaxing states of a linearisation, or None: matrices of a user have none."""
+def states_of(system: Any) -> States | None:
+    """The states of a linearisation that answer with a time of their own, or None: matrices of a user have none."""
     if not hasattr(system, "snapshot"):
         return None
+    return _joined([part for part in (_of_laws(system), _of_air(system)) if part is not None])
+
+
+def _of_laws(system: Any) -> States | None:
     if not any(LAW_OF_CODE[int(code)].state == "rate" for code in system.snapshot.tables["law_type"]):
         return None
     found = [
-        (place.direction, *pair, place.name)
+        (place.direction, *pair, f"the law on {place.name}")
         for place in law_places(system)
         for pair in _core.law_relaxations(place.code, [float(x) for x in place.numbers], place.u)
     ]
     if not found:
         return None
     W, k, rate, names = zip(*found, strict=True)
-    return Relaxation(np.array(W).T, np.array(k), np.array(rate), tuple(names))
+    w, stiffness = np.array(W), np.array(k)
+    return States(-w.T * stiffness, 0.0 * w, w, -np.diag(rate), stiffness, tuple(names))
+
+
+def _of_air(system: Any) -> States | None:
+    airs = system.model.airs
+    if system.n == 0 or "aerodynamics" in system.without or not any(air.unsteady() for air in airs):
+        return None
+    state = system.state
+    with core_errors():
+        found = system.snapshot.system.air_states(
+            state.q, state.rate, list(system.without), state.acceleration.tolist(), state.turn
+        )
+    if found is None:
+        return None
+    E, P, R, A = (np.asarray(found[key]) for key in ("effect", "by_place", "by_rate", "own"))
+    names = tuple(f"the air {airs[int(i)].name!r}" for i in found["air"])
+    if np.any(np.diag(A) >= 0.0):
+        raise ModelError(
+            f"{names[int(np.argmax(np.diag(A)))]} does not flow at a section, so that its states have no time in which they come to rest; "
+            "give it wind, or leave out its laws with states"
+        )
+    answer = np.linalg.solve(A, np.hstack([R, P]))
+    n = len(E)
+    # such a state moves as much as the coordinates that drive it do
+    weight = np.full(len(A), float(np.trace(np.asarray(system.M))) / n)
+    return States(E, P, R, A, weight, names, -E @ answer[:, :n], -E @ answer[:, n:])
 
 
 def _twist(lin: Any, body: int, point: np.ndarray) -> np.ndarray:
@@ -126,19 +184,21 @@ def _twist(lin: Any, body: int, point: np.ndarray) -> np.ndarray:
     return twist_at(lin.T[6 * body : 6 * body + 6], point - lin.poses["position"][body])
 
 
-def relaxing_modes(system: Any, relaxation: Relaxation, damping: Any, stiffness: Any) -> dict[str, Any]:
+def relaxing_modes(system: Any, states: States, damping: Any, stiffness: Any) -> dict[str, Any]:
     """The answer of `_core.dense_modes` for the extended system, without the roots that belong to no motion.
 
     ``damping`` and ``stiffness``: (symmetric, skew) parts of the system, each or None.
     """
-    n, m = relaxation.W.shape
+    n, m = states.effect.shape
     zero = np.zeros((m, m))
-    M, D, S = relaxation.extended(system.M, _total(*damping), _total(*stiffness))
-    C = np.zeros_like(D)
-    C[:n, :n] = 0.0 if damping[0] is None else damping[0]
-    C[n:, n:] = D[n:, n:]
-    K = np.block([[stiffness[0], np.zeros((n, m))], [np.zeros((m, n)), zero]])
-    N = None if stiffness[1] is None else S - K
+    M, D, S = states.extended(np.asarray(system.M), _total(*damping), np.asarray(_total(*stiffness)))
+    if states.stiffness is None:
+        C, K = np.zeros_like(D), np.block([[stiffness[0], np.zeros((n, m))], [np.zeros((m, n)), zero]])
+        C[:n, :n] = 0.0 if damping[0] is None else damping[0]
+        C[n:, n:] = D[n:, n:]
+    else:
+        C, K = 0.5 * (D + D.T), 0.5 * (S + S.T)
+    N = S - K if np.any(S != K) else None
     r = dict(_core.dense_modes(M, C, D - C, K, N, None))
     size = np.linalg.norm(r["shape"], axis=0)
     alone = np.linalg.norm(r["shape"][:n], axis=0) <= np.sqrt(np.finfo(float).eps) * size

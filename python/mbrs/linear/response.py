@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from .._lib.border import core_errors
-from .._lib.progress import while_long
+from .._lib.progress import call_progress
 from .._lib.text import number, without_rounding
 from ..errors import ModelError
 from ..results import Result, Stats, added_counts, quantity, result
 from .linear_system import LinearSystem, Origin, dense, directions, relaxes
 from .matrices import MechanicalSystem
-from .relaxation import Relaxation
+from .relaxation import States
 from .second_order import linear_system
 
 if TYPE_CHECKING:
@@ -102,11 +102,11 @@ class ResponseResult(Result):
     def notes(self) -> list[str]:
         return [f"route: {self.stats.route}, {self.status}"]
 
-    def plot(self, *, ax: Axes | None = None, **options: Any) -> Figure:
+    def plot(self, *, ax: Axes | None = None, label: str | None = None) -> Figure:
         """The outputs over time; returns the figure."""
         from ..plot import response as draw
 
-        return draw(self, ax=ax, **options)
+        return draw(self, ax=ax, label=label)
 
 
 @result
@@ -217,10 +217,10 @@ def response(
         again = list(linear.shared)
         history = replace(history, u=_again(history.u, again), bulge=_again(history.bulge, again))
     state = (_state(x0, linear.n, "x0"), _state(v0, linear.n, "v0"))
-    if linear.relaxation is not None:
-        linear, state = _extended(linear, linear.relaxation, state)
+    if linear.states is not None:
+        linear, state = _extended(linear, linear.states, state)
     reduction, made = linear.reduction()
-    with core_errors(), while_long(f"response at {len(times)} times", len(times) * float(linear.n) ** 2):
+    with core_errors(), call_progress(f"response at {len(times)} times", len(times) * float(linear.n) ** 2):
         raw = reduction.response(
             linear.L, linear.F, linear.order_in, linear.D0, history.t, history.u, history.bulge, *state
         )
@@ -281,8 +281,8 @@ def response_sensitivity(
         raise ModelError(
             "this response was made without its linear system; only results of mb.response have derivatives"
         )
-    if linear.relaxation is not None:
-        raise relaxes(linear.relaxation.names[0])
+    if linear.states is not None:
+        raise relaxes(linear.states.names[0])
     reduction, _ = linear.reduction()
     changes = (None if a is None else np.asarray(a, dtype=float) for a in (dM, dD, dS, dF, dL, dD0))
     with core_errors():
@@ -386,9 +386,9 @@ def _with_inputs(m: Any, ports: list[Any], outputs: Any, at: Any, without: Seque
     return linear_system(m, ports, outputs, at, without, relaxing=True)
 
 
-def _extended(linear: LinearSystem, own: Relaxation, state: tuple[Any, Any]) -> tuple[LinearSystem, tuple[Any, Any]]:
-    """States of laws that relax as further coordinates, at rest at the start."""
-    m = len(own.k)
+def _extended(linear: LinearSystem, own: States, state: tuple[Any, Any]) -> tuple[LinearSystem, tuple[Any, Any]]:
+    """States of laws and of the air as further coordinates, at rest at the start."""
+    m = len(own.own)
     M, D, S = own.extended(dense(linear.M), None if linear.D is None else dense(linear.D), dense(linear.S))
     coordinates = (*linear.coordinates, *(f"state of {name} ({j + 1})" for j, name in enumerate(own.names)))
     F, L = np.pad(linear.F, ((0, m), (0, 0))), np.pad(linear.L, ((0, 0), (0, m)))

@@ -8,8 +8,9 @@ from typing import Any, Protocol
 import numpy as np
 
 from .._lib.monotone import cubic_pieces
-from .air_schema import AIR, SECTION
+from .air_schema import AIR, SECTION, UNSTEADY
 from .aliases import Axis, Scalar
+from .attached_lift import attached_line, lift_at
 from .bodies import Body
 from .book import Book, Group, Item
 from .flexible import FlexibleBody
@@ -22,7 +23,7 @@ from .section_loads import interpolated, line_of
 
 INFLOWS = ("none", "bem", "dynamic-inflow", "prescribed-wake", "free-wake")
 # Those whose induced velocities advance with steps of their own.
-STEPPED = INFLOWS[2:]
+STEPPED = INFLOWS[3:]
 COUPLINGS = ("loose", "tight")
 # What a blade is as plain data; (n,) lists but for the first five.
 BLADE = (
@@ -45,11 +46,13 @@ class SteadyWind(Protocol):
 class Aerodynamics(Item):
     """Handle of the air around blades; see `Model.aerodynamics`."""
 
-    __slots__ = ("blades", "coupling", "inflow", "options", "polars", "sections")
+    __slots__ = ("attached", "blades", "coupling", "inflow", "options", "polars", "sections", "stalls")
     store = "air"
     kind = "aerodynamics"
     inflow: str
     coupling: str
+    attached: bool
+    stalls: bool
     blades: list[dict[str, Any]]
     polars: list[dict[str, Any]]
     options: dict[str, Any]
@@ -75,7 +78,13 @@ class Aerodynamics(Item):
         sheared = self.values("shear")[0] != 0.0
         unused = {"axis"} if not momentum else set()
         unused |= set() if sheared else {"reference_height", "ground"}
+        unused |= set() if self.stalls else {"stall"}
         return {name: group for name, group in super().fields().items() if name not in unused}
+
+    def unsteady(self) -> int:
+        """Bits of the laws with states that act at its sections."""
+        acting = {"inflow": self.inflow == "dynamic-inflow", "attached": self.attached, "stall": self.stalls}
+        return sum(UNSTEADY[name] for name, acts in acting.items() if acts)
 
     def described(self) -> dict[str, Any]:
         """The arguments that would make it again."""
@@ -87,6 +96,10 @@ class Aerodynamics(Item):
         table |= {"inflow": self.inflow, "coupling": self.coupling, "axis": self.entries("axis")}
         if repr(self.entries("pitch")[0]) != "0.0":
             table["pitch"] = self.entries("pitch")[0]
+        if self.attached:
+            table["attached"] = True
+        if self.stalls:
+            table["stall"] = self.entries("stall")[0]
         if self.options:
             table["options"] = self.options
         return {**table, "blades": self.blades, "polars": self.polars}
@@ -235,7 +248,24 @@ def _numbers(blade: dict[str, Any], at: np.ndarray, n_blades: int, cone: float) 
     tip = 0.5 * n_blades * (blade["last"] - place) / place if np.all(place > 0.0) else 0.0 * place
     hub = 0.5 * n_blades * (place - blade["first"]) / blade["first"] if blade["first"] > 0.0 else 0.0 * place
     put("loss", np.stack([tip, hub], axis=1))
+    put("radius", np.full(len(place), blade["last"] * cone))
+    put("span", place / blade["last"] if blade["last"] > 0.0 else 0.0 * place)
     return out
+
+
+def _attached_lines(name: str, blade: dict[str, Any], polars: Sequence[Mapping[str, Any]]) -> np.ndarray:
+    """(n, 2) slope and angle of no lift of each section in attached flow."""
+    table = {p["name"]: p for p in polars}
+    share = np.array(blade["share"])
+
+    def lift(angle: np.ndarray) -> np.ndarray:
+        first, second = (
+            np.stack([lift_at(table[p], angle[:, k]) for k, p in enumerate(blade[key])], axis=1)
+            for key in ("polar", "second_polar")
+        )
+        return np.asarray(first + share * (second - first))
+
+    return np.stack(attached_line(lift, len(share)), axis=1)
 
 
 def _wind(name: str, wind: Any) -> list[Number]:
@@ -274,6 +304,8 @@ def aerodynamics(
     *,
     axis: Axis | None = None,
     pitch: Scalar = 0.0,
+    attached: bool = False,
+    stall: Scalar = 0.0,
     polars: Sequence[Mapping[str, Any]] | None = None,
     options: Mapping[str, Any] | None = None,
 ) -> Aerodynamics:
@@ -297,17 +329,31 @@ def aerodynamics(
         kg/m^3.
     inflow
         Where the induced velocity comes from. "none"; "bem": blade elements and momentum, solved at every section whenever forces are
-        evaluated, for blades as drawn about ``axis``.
+        evaluated, for blades as drawn about ``axis``; "dynamic-inflow": the same behind two lags, four states z of each section,
+
+            t1 Y' = .4 W - Y,   t2 V' = Y + .6 W - V,   t1 = 1.1 / (1 - 1.3 a) R / U,   t2 = (.39 - .26 (r/R)^2) t1
+
+        W is the velocity that balances, V the one that acts, along the annulus's axis and around it; U is the wind along that axis.
     coupling
         Of wakes with the structure: "loose" or "tight".
     axis
         World, down the wind: axis of the rotor's annuli as drawn; the wind's direction by default.
     pitch
         rad, added to the twist of all sections.
+    attached
+        Lift lags behind the angle of attack in attached flow, two states z_i of each section (Jones' form of Wagner's function),
+
+            z_i' = 2 b_i |u| / c (w - z_i),   w_eff = w + sum A_i (z_i - w)
+
+        w is the wind across the chord, w_eff what lift and drag see; a section that turns about the span carries air along, the force
+        pi rho c^2 b |u| w_span / 4 at three quarters of the chord. Not beside wakes, which hold the vorticity that is shed.
+    stall
+        Oeye's dynamic stall, one state of each section: chords of the flow over which the attached part f of the chord lags behind the
+        one of the static polar, as ``lag`` of `mbrs.aero.dynamic_stall` (4 is usual); 0 for static polars.
     polars
         Tables that ``blades`` as plain data refer to; a file has them.
     options
-        Of inflows with steps of their own: "dynamic-inflow" has ``steps``, wakes have those of `mbrs.aero.rotor_wake`.
+        Of wakes: those of `mbrs.aero.rotor_wake`.
 
     Returns
     -------
@@ -317,11 +363,16 @@ def aerodynamics(
     Raises
     ------
     ModelError
-        Blades without a body, sections beyond it, nan, a negative wind.
+        Blades without a body, sections beyond it, nan, a negative wind; ``attached`` beside a wake.
 
     Notes
     -----
-    Neglected: flow along the span, added mass, and how annuli change as blades deflect (radius, solidity and losses are those drawn).
+    States are part of the motion, of every time scheme, and of linear analyses (`mb.modes`, `mb.frf`, `mb.response`); equilibria and
+    K, C, G, N of a linearisation hold them at rest. S. Oeye, in H. Snel and J. G. Schepers, ECN-C--94-107 (1995), and ETSU-N-118 (1991);
+    R. T. Jones, NACA Report 681 (1940); T. Theodorsen, NACA Report 496 (1935); M. O. L. Hansen, "Aerodynamics of Wind Turbines".
+
+    Neglected: flow along the span, the mass of air that a section accelerates, and how annuli change as blades
+    deflect (radius, solidity and losses are those drawn).
     Cost O(sections) per evaluation, twelve times that with a tangent.
 
     Examples
@@ -345,12 +396,19 @@ def aerodynamics(
             f"belong to inflows with steps of their own, got {', '.join(options)} with {shown(inflow)}",
         )
     air.inflow, air.coupling, air.options = inflow, coupling, dict(options or {})
+    if not isinstance(attached, bool):
+        raise problem(f"{name}.attached", f"must be True or False, got {shown(attached)}")
+    air.attached, air.stalls = attached, repr(stall) not in ("0", "0.0")
+    if attached and inflow in STEPPED:
+        raise problem(
+            f"{name}.attached", f"must be False beside the wake {shown(inflow)}, which holds the vorticity that is shed"
+        )
     air.blades, air.polars = _plain_blades(name, blades, polars)
     speed, shear, height, *vectors, ground = _wind(name, wind)
     along = vectors[:3] if axis is None else direction(axis, f"{name}.axis")
     values = [
         scalar(density, name + ".density"), speed, shear, height, *vectors, *along, scalar(pitch, name + ".pitch"),
-        ground,
+        ground, scalar(stall, name + ".stall") if air.stalls else 4.0,
     ]  # fmt: skip
     owners = [self.find_body(blade["body"], f"{name}.blades") for blade in air.blades]
     if any(i < 0 for i in owners):
@@ -363,7 +421,16 @@ def aerodynamics(
         owner = self.bodies[i]
         nodes, at = _place(air, owner, blade)
         places += [(i, node) for node in nodes]
-        rows.append(_numbers(blade, at, len(air.blades), float(np.sqrt(1.0 - (_outwards(owner) @ n_axis) ** 2))))
+        cone = float(np.sqrt(1.0 - (_outwards(owner) @ n_axis) ** 2))
+        row = _numbers(blade, at, len(air.blades), cone)
+        if inflow == "dynamic-inflow" and not (cone > 0.0 and blade["place"][0] > 0.0):
+            raise problem(
+                f"{name}.blades", f"need sections outwards from the axis for annuli; those of {blade['body']!r} are not"
+            )
+        if air.stalls:
+            lines = _attached_lines(name, blade, air.polars)
+            row[:, SECTION.slice("slope")], row[:, SECTION.slice("zero")] = lines[:, :1], lines[:, 1:]
+        rows.append(row)
     air.put(values)
     air.sections = Sections(self, name)
     air.sections.places = places

@@ -34,6 +34,9 @@ AIR = Kind(
             Field("axis", (3,), "direction", (1.0, 0.0, 0.0), note="of the annuli, down the wind, world, as drawn"),
             Field("pitch", (), "angle", note="added to the twist of all sections"),
             Field("ground", (), "length", note="along `up`, where height is zero"),
+            Field(
+                "stall", (), "ratio", check="positive", default=4.0, note="lag of dynamic stall, in chords of the flow"
+            ),
         ],
     ),
     (
@@ -45,6 +48,8 @@ AIR = Kind(
         Argument("coupling", "text"),
         Argument("axis", "direction"),
         Argument("pitch"),
+        Argument("attached", "data"),
+        Argument("stall"),
         Argument("polars", "data"),
         Argument("options", "data"),
     ),
@@ -61,10 +66,16 @@ SECTION = Block(
         Field("share", (), "ratio", note="of the second polar"),
         Field("solidity", (), "ratio", note="blades times chord over the circumference"),
         Field("loss", (2,), "ratio", note="exponents of the losses at tip and hub, over |sin phi|; zero: none"),
+        Field("radius", (), "length", note="of the rotor"),
+        Field("span", (), "ratio", note="of the section's radius to the rotor's"),
+        Field("slope", (), "ratio", note="of the lift in attached flow, 1/rad"),
+        Field("zero", (), "angle", note="of attack at which there is no lift"),
     ],
     "of each section of a blade",
 )
 INFLOWS = {"given": 0, "momentum": 1}
+# Bits: the laws with states of the sections.
+UNSTEADY = {"inflow": 1, "attached": 2, "stall": 4}
 
 # The kinds of a file by heading, in its order.
 HEADINGS = {

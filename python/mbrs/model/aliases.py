@@ -31,6 +31,8 @@ PoseLike = tuple[Vector3, Rotation | None] | Sequence[Any]
 BodyLike = Attachable | str
 # Any handle of a model (body, joint, element, marker, drive), or its name.
 ItemLike = Item | Attachable | str
+# One, several, or those that matter most.
+Items = ItemLike | Sequence[ItemLike] | None
 
 
 class LawLike(Protocol):

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Callable, Sequence
+from typing import Any, cast
 
 import numpy as np
 
@@ -61,7 +61,7 @@ def force_law(self: Book, name: str, law: Laws, motions: Sequence[Port | str]) -
         )
     if len(set(names)) < len(names):
         raise problem(f"{name}.motions", f"names a motion twice: {', '.join(names)}")
-    made = law if isinstance(law, FunctionLaw) else FunctionLaw(law)
+    made = law if isinstance(law, FunctionLaw) else FunctionLaw(cast("Callable[..., Any]", law))
     owner: Any = self[first.marker or first.body]  # type: ignore[index]
     at = owner.entries("at") if first.point is None else first.point
     return bushing(self, name, "ground", first.body, at=at, law={names: _opposite(made, len(names))})
@@ -81,8 +81,10 @@ def _opposite(law: FunctionLaw, m: int) -> FunctionLaw:
         made = law.function(t, u, v)
         return -made if m == 1 else -np.asarray(made)
 
+    derivatives = law.derivatives
+
     def slopes(t: Any, u: Any, v: Any) -> Any:
-        return tuple(-np.asarray(s) for s in law.derivatives(t, u, v))
+        return () if derivatives is None else tuple(-np.asarray(s) for s in derivatives(t, u, v))
 
     negative.__qualname__ = getattr(law.function, "__qualname__", "function")
-    return FunctionLaw(negative, None if law.derivatives is None else slopes, w=law.w)
+    return FunctionLaw(negative, None if derivatives is None else slopes, w=law.w)

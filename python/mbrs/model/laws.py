@@ -17,13 +17,16 @@ import numpy as np
 
 from ..errors import ModelError
 from .expressions import Program
+from .law_numbers import direction, is_plain, number, positive, scalar, sequence
 from .schema import FUNCTION_LAW, LAWS, LawKind
 from .tracing import trace
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from numpy.typing import ArrayLike
 
-    from .aliases import Scalar
+    from .aliases import Scalar, Vector
 
 
 class Law:
@@ -50,12 +53,12 @@ class Law:
         """True if the force depends on the rate u'."""
         return self.code in self.kind.rate_codes
 
-    def __init__(self, values: Sequence[Any], w: Any = None) -> None:
+    def __init__(self, values: Sequence[Any], w: ArrayLike | None = None) -> None:
         self.values: tuple[Any, ...] = tuple(values)
         for value in self.values:
-            if _is_plain(value) and not np.isfinite(float(value)):
+            if is_plain(value) and not np.isfinite(float(value)):
                 raise ModelError(f"{type(self).__name__}: {value} among its numbers; all must be finite")
-        self.w: np.ndarray | None = None if w is None else _direction(type(self).__name__, w)
+        self.w: np.ndarray | None = None if w is None else direction(type(self).__name__, w)
 
     def moved(self, u0: float) -> list[Law] | None:
         """Laws that together are force(u0 + u), but for a constant; None where no known laws are.
@@ -66,9 +69,9 @@ class Law:
 
     def numbers(self) -> list[float]:
         """The numbers at the present values of the parameters."""
-        return [_number(value) for value in self.values]
+        return [number(value) for value in self.values]
 
-    def force(self, u: Any, v: Any = 0.0) -> np.ndarray:
+    def force(self, u: ArrayLike, v: ArrayLike = 0.0) -> np.ndarray:
         """Force for displacements ``u`` and rates ``v`` (arrays that broadcast); a law with sliders takes them as a
         history, and one whose state has a rate is at rest in each."""
         from .. import _core
@@ -77,7 +80,7 @@ class Law:
         return _core.law_force(self.code, self.numbers(), u.ravel(), v.ravel()).reshape(u.shape)
 
     def __repr__(self) -> str:
-        numbers = ", ".join(f"{v:g}" if _is_plain(v) else str(v) for v in self.values)
+        numbers = ", ".join(f"{v:g}" if is_plain(v) else str(v) for v in self.values)
         where = "" if self.w is None else f", w={np.array2string(self.w, threshold=6, separator=', ')}"
         return f"{type(self).__name__}({numbers}{where})"
 
@@ -100,7 +103,7 @@ class Cubic(Law):
     """
 
     def __init__(self, k3: Scalar, w: ArrayLike | None = None) -> None:
-        super().__init__((_scalar("Cubic", "k3", k3),), w)
+        super().__init__((scalar("Cubic", "k3", k3),), w)
 
     def moved(self, u0: float) -> list[Law] | None:
         return [Polynomial1D(_moved_polynomial([0.0, 0.0, 0.0, *self.numbers()], u0), w=self.w)]
@@ -119,12 +122,12 @@ class Polynomial1D(Law):
         Direction (n,) of u = w . x.
     """
 
-    def __init__(self, coefficients: Any, velocity: Any = None, w: Any = None) -> None:
-        c = _list("Polynomial1D", "coefficients", coefficients)
+    def __init__(self, coefficients: Vector, velocity: Vector | None = None, w: ArrayLike | None = None) -> None:
+        c = sequence("Polynomial1D", "coefficients", coefficients)
         if velocity is None:
             super().__init__(c, w)
             return
-        d = _list("Polynomial1D", "velocity", velocity)
+        d = sequence("Polynomial1D", "velocity", velocity)
         n = max(len(c), len(d))
         self.code = self.kind.codes[1]
         super().__init__([*c, *[0.0] * (n - len(c)), *d, *[0.0] * (n - len(d))], w)
@@ -157,10 +160,14 @@ class Gap(Law):
     def __init__(
         self, k: Scalar, gap: Scalar, smoothing: Scalar = 0.0, bilateral: bool = False, w: ArrayLike | None = None
     ) -> None:
-        k, gap, smoothing = _scalar("Gap", "k", k), _scalar("Gap", "gap", gap), _scalar("Gap", "smoothing", smoothing)
-        if _is_plain(smoothing) and smoothing < 0:
+        k, gap, smoothing = (
+            scalar("Gap", "k", k),
+            scalar("Gap", "gap", gap),
+            scalar("Gap", "smoothing", smoothing),
+        )
+        if is_plain(smoothing) and smoothing < 0:
             raise ModelError(f"Gap: smoothing must not be negative, it is {smoothing}")
-        if bilateral and _is_plain(gap) and gap < 0:
+        if bilateral and is_plain(gap) and gap < 0:
             raise ModelError(
                 f"Gap: a two-sided gap must not be negative, it is {gap}; give a preload to a one-sided one"
             )
@@ -190,8 +197,8 @@ class CoulombTanh(Law):
     """
 
     def __init__(self, force_limit: Scalar, v_ref: Scalar, w: ArrayLike | None = None) -> None:
-        v_ref = _positive("CoulombTanh", "v_ref", v_ref)
-        super().__init__((_scalar("CoulombTanh", "force_limit", force_limit), v_ref), w)
+        v_ref = positive("CoulombTanh", "v_ref", v_ref)
+        super().__init__((scalar("CoulombTanh", "force_limit", force_limit), v_ref), w)
 
     def moved(self, u0: float) -> list[Law] | None:
         return [self]
@@ -217,10 +224,10 @@ class Hertz(Law):
     """
 
     def __init__(self, k: Scalar, exponent: Scalar = 1.5, gap: Scalar = 0.0, w: ArrayLike | None = None) -> None:
-        exponent = _positive("Hertz", "exponent", exponent)
-        if _is_plain(exponent) and exponent <= 1:
+        exponent = positive("Hertz", "exponent", exponent)
+        if is_plain(exponent) and exponent <= 1:
             raise ModelError(f"Hertz: the exponent must exceed 1, it is {exponent}; Gap is the linear contact")
-        super().__init__((_scalar("Hertz", "k", k), exponent, _scalar("Hertz", "gap", gap)), w)
+        super().__init__((scalar("Hertz", "k", k), exponent, scalar("Hertz", "gap", gap)), w)
 
     def moved(self, u0: float) -> list[Law] | None:
         k, exponent, gap = self.numbers()
@@ -243,11 +250,11 @@ class TableLaw(Law):
     `scipy.interpolate.PchipInterpolator`.
     """
 
-    def __init__(self, u: Any, f: Any, w: Any = None) -> None:
-        x, y = _list("TableLaw", "u", u), _list("TableLaw", "f", f)
+    def __init__(self, u: Vector, f: Vector, w: ArrayLike | None = None) -> None:
+        x, y = sequence("TableLaw", "u", u), sequence("TableLaw", "f", f)
         if len(x) != len(y) or len(x) < 2:
             raise ModelError(f"TableLaw: u and f need the same length of at least 2, they have {len(x)} and {len(y)}")
-        plain = [float(value) for value in x if _is_plain(value)]
+        plain = [float(value) for value in x if is_plain(value)]
         if len(plain) == len(x) and not all(b > a for a, b in itertools.pairwise(plain)):
             raise ModelError("TableLaw: u must ascend strictly; sort the table and join equal points")
         super().__init__([*x, *y], w)
@@ -270,7 +277,7 @@ class VanDerPol(Law):
     """
 
     def __init__(self, mu: Scalar, w: ArrayLike | None = None) -> None:
-        super().__init__((_scalar("VanDerPol", "mu", mu),), w)
+        super().__init__((scalar("VanDerPol", "mu", mu),), w)
 
 
 class Jenkins(Law):
@@ -292,7 +299,7 @@ class Jenkins(Law):
     """
 
     def __init__(self, k: Scalar, f_slip: Scalar, w: ArrayLike | None = None) -> None:
-        super().__init__((_positive("Jenkins", "k", k), _positive("Jenkins", "f_slip", f_slip)), w)
+        super().__init__((positive("Jenkins", "k", k), positive("Jenkins", "f_slip", f_slip)), w)
 
 
 class Iwan(Law):
@@ -306,11 +313,11 @@ class Iwan(Law):
         Direction (n,) of u = w . x, for `MechanicalSystem`.
     """
 
-    def __init__(self, k: Any, f_slip: Any, w: Any = None) -> None:
-        ks, fs = _list("Iwan", "k", k), _list("Iwan", "f_slip", f_slip)
+    def __init__(self, k: Vector, f_slip: Vector, w: ArrayLike | None = None) -> None:
+        ks, fs = sequence("Iwan", "k", k), sequence("Iwan", "f_slip", f_slip)
         if len(ks) != len(fs):
             raise ModelError(f"Iwan: {len(ks)} stiffnesses but {len(fs)} slip forces")
-        pairs = [(_positive("Iwan", "k", k), _positive("Iwan", "f_slip", f)) for k, f in zip(ks, fs, strict=True)]
+        pairs = [(positive("Iwan", "k", k), positive("Iwan", "f_slip", f)) for k, f in zip(ks, fs, strict=True)]
         super().__init__([number for pair in pairs for number in pair], w)
 
 
@@ -335,7 +342,7 @@ class VaryingStiffness(Law):
         if isinstance(order, bool) or not isinstance(order, int | np.integer) or order < 1:
             raise ModelError(f"VaryingStiffness: order must be a positive integer, it is {order!r}")
         name = "VaryingStiffness"
-        super().__init__((_scalar(name, "k", k), float(order), _scalar(name, "phase", phase)), w)
+        super().__init__((scalar(name, "k", k), float(order), scalar(name, "phase", phase)), w)
 
 
 class Maxwell(Law):
@@ -353,12 +360,12 @@ class Maxwell(Law):
         Direction (n,) of u = w . x.
     """
 
-    def __init__(self, k: Any, tau: Any, w: Any = None) -> None:
+    def __init__(self, k: Scalar | Vector, tau: Scalar | Vector, w: ArrayLike | None = None) -> None:
         one = not isinstance(k, Sequence | np.ndarray) or (isinstance(k, np.ndarray) and k.ndim == 0)
-        ks, taus = ([k], [tau]) if one else (_list("Maxwell", "k", k), _list("Maxwell", "tau", tau))
+        ks, taus = ([k], [tau]) if one else (sequence("Maxwell", "k", k), sequence("Maxwell", "tau", tau))
         if len(ks) != len(taus):
             raise ModelError(f"Maxwell: {len(ks)} stiffnesses but {len(taus)} relaxation times")
-        pairs = [(_positive("Maxwell", "k", a), _positive("Maxwell", "tau", b)) for a, b in zip(ks, taus, strict=True)]
+        pairs = [(positive("Maxwell", "k", a), positive("Maxwell", "tau", b)) for a, b in zip(ks, taus, strict=True)]
         super().__init__([number for pair in pairs for number in pair], w)
 
     def moved(self, u0: float) -> list[Law] | None:
@@ -390,15 +397,21 @@ class BoucWen(Law):
     Y.-K. Wen, J. Eng. Mech. Div. ASCE 102 (1976) 249-263.
     """
 
-    def __init__(self, k: Any, alpha: Any, beta: Any, gamma: Any, n: Any = 1.0, w: Any = None) -> None:
+    def __init__(
+        self, k: Scalar, alpha: Scalar, beta: Scalar, gamma: Scalar, n: Scalar = 1.0, w: ArrayLike | None = None
+    ) -> None:
         name = "BoucWen"
-        k, n = _positive(name, "k", k), _positive(name, "n", n)
-        alpha, beta, gamma = _scalar(name, "alpha", alpha), _scalar(name, "beta", beta), _scalar(name, "gamma", gamma)
-        if _is_plain(n) and n < 1:
+        k, n = positive(name, "k", k), positive(name, "n", n)
+        alpha, beta, gamma = (
+            scalar(name, "alpha", alpha),
+            scalar(name, "beta", beta),
+            scalar(name, "gamma", gamma),
+        )
+        if is_plain(n) and n < 1:
             raise ModelError(f"BoucWen: n must be at least 1, it is {n}")
-        if _is_plain(alpha) and not 0 <= alpha <= 1:
+        if is_plain(alpha) and not 0 <= alpha <= 1:
             raise ModelError(f"BoucWen: alpha must be from 0 to 1, it is {alpha}")
-        if _is_plain(beta) and _is_plain(gamma) and (beta < abs(gamma) or beta == 0):
+        if is_plain(beta) and is_plain(gamma) and (beta < abs(gamma) or beta == 0):
             raise ModelError(
                 f"BoucWen: beta must be positive and not below abs(gamma), otherwise cycles make energy; they are {beta} and {gamma}"
             )
@@ -429,16 +442,25 @@ class LuGre(Law):
     C. Canudas de Wit, H. Olsson, K. J. Astrom, P. Lischinsky, IEEE Trans. Automatic Control 40 (1995) 419-425.
     """
 
-    def __init__(self, f_c: Any, f_s: Any, v_s: Any, s0: Any, s1: Any = 0.0, s2: Any = 0.0, w: Any = None) -> None:
+    def __init__(
+        self,
+        f_c: Scalar,
+        f_s: Scalar,
+        v_s: Scalar,
+        s0: Scalar,
+        s1: Scalar = 0.0,
+        s2: Scalar = 0.0,
+        w: ArrayLike | None = None,
+    ) -> None:
         name = "LuGre"
         f_c, f_s, v_s, s0 = (
-            _positive(name, key, value) for key, value in (("f_c", f_c), ("f_s", f_s), ("v_s", v_s), ("s0", s0))
+            positive(name, key, value) for key, value in (("f_c", f_c), ("f_s", f_s), ("v_s", v_s), ("s0", s0))
         )
-        s1, s2 = _scalar(name, "s1", s1), _scalar(name, "s2", s2)
+        s1, s2 = scalar(name, "s1", s1), scalar(name, "s2", s2)
         for key, value in (("s1", s1), ("s2", s2)):
-            if _is_plain(value) and value < 0:
+            if is_plain(value) and value < 0:
                 raise ModelError(f"LuGre: {key} must not be negative, it is {value}")
-        if _is_plain(f_c) and _is_plain(f_s) and f_s < f_c:
+        if is_plain(f_c) and is_plain(f_s) and f_s < f_c:
             raise ModelError(f"LuGre: the breakaway force f_s must not be below f_c, they are {f_s} and {f_c}")
         super().__init__((f_c, f_s, v_s, s0, s1, s2), w)
 
@@ -478,7 +500,12 @@ class FunctionLaw(Law):
     1.1752011936438014
     """
 
-    def __init__(self, function: Any, derivatives: Any = None, w: Any = None) -> None:
+    def __init__(
+        self,
+        function: Callable[[float, np.ndarray, np.ndarray], Any],
+        derivatives: Callable[..., Any] | None = None,
+        w: ArrayLike | None = None,
+    ) -> None:
         for name, value in (("function", function), ("derivatives", derivatives)):
             if not callable(value) and (name == "function" or value is not None):
                 raise ModelError(f"FunctionLaw: {name} must be callable with (t, u, v), it is {value!r}")
@@ -490,7 +517,7 @@ class FunctionLaw(Law):
         """Not known before the function is traced; True covers both."""
         return True
 
-    def force(self, u: Any, v: Any = 0.0, t: float = 0.0) -> np.ndarray:
+    def force(self, u: ArrayLike, v: ArrayLike = 0.0, t: float = 0.0) -> np.ndarray:
         """Force for displacements ``u`` and rates ``v``, arrays that broadcast, by calling the function."""
         u, v = np.broadcast_arrays(np.asarray(u, float), np.asarray(v, float))
         return self._shaped("function", self._called("function", t, u, v), u.shape)
@@ -517,7 +544,7 @@ class FunctionLaw(Law):
                 f"{where}: {self!r} depends on the time t, which harmonic balance does not know; mb.VaryingStiffness "
                 "follows the phase"
             )
-        return (program.nodes, program.roots, None), [_number(v) for v in numbers]
+        return (program.nodes, program.roots, None), [number(v) for v in numbers]
 
     def sampled(self, u: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Force, df/du and df/dv at samples."""
@@ -543,53 +570,3 @@ class FunctionLaw(Law):
 def _moved_polynomial(c: Sequence[float], u0: float) -> list[float]:
     """Coefficients in u of the polynomial at u0 + u, less its value at u0."""
     return [0.0, *(sum(comb(i, j) * c[i] * u0 ** (i - j) for i in range(j, len(c))) for j in range(1, len(c)))]
-
-
-def _is_plain(value: Any) -> bool:
-    return isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool)
-
-
-def _number(value: Any) -> float:
-    return float(value) if _is_plain(value) else float(getattr(value, "value", value))
-
-
-def _scalar(law: str, name: str, value: Any) -> Any:
-    if isinstance(value, np.ndarray) and value.ndim == 0:
-        value = value.item()
-    if _is_plain(value):
-        if not np.isfinite(value):
-            raise ModelError(f"{law}: {name} must be finite, it is {value}")
-        return float(value)
-    if isinstance(value, str | bytes | bool | complex | type(None) | Sequence | np.ndarray):
-        raise ModelError(f"{law}: {name} must be a number or a parameter, it is {value!r}")
-    return value
-
-
-def _positive(law: str, name: str, value: Any) -> Any:
-    value = _scalar(law, name, value)
-    if _is_plain(value) and value <= 0:
-        raise ModelError(f"{law}: {name} must be positive, it is {value}")
-    return value
-
-
-def _list(law: str, name: str, values: Any) -> list[Any]:
-    if isinstance(values, str | bytes) or not isinstance(values, Sequence | np.ndarray) or len(values) == 0:
-        raise ModelError(f"{law}: {name} must be a sequence of numbers, it is {values!r}")
-    return [_scalar(law, f"{name}[{i}]", value) for i, value in enumerate(values)]
-
-
-def _direction(law: str, w: Any) -> np.ndarray:
-    if hasattr(w, "toarray"):
-        w = w.toarray().ravel()
-    try:
-        w = np.array(w, dtype=float)
-    except (TypeError, ValueError):
-        raise ModelError(f"{law}: w must be a real vector, it is {w!r}") from None
-    if w.ndim != 1 or w.size == 0:
-        raise ModelError(f"{law}: w must be a vector (n,), its shape is {w.shape}")
-    if not np.all(np.isfinite(w)):
-        raise ModelError(f"{law}: w contains NaN or infinite entries")
-    if not w.any():
-        raise ModelError(f"{law}: w is zero: the element would act on nothing; name the coordinate it works on")
-    w.setflags(write=False)
-    return np.asarray(w)

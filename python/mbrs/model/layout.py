@@ -9,7 +9,7 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
-from .air_schema import AIR, INFLOWS, SECTION
+from .air_schema import AIR, INFLOWS, SECTION, UNSTEADY
 from .schema import (
     BODY,
     COORDINATE_ROLES,
@@ -111,6 +111,7 @@ def _code_page() -> Iterator[str]:
     yield from ("", f"**law_type** and numbers: {laws}.")
     motions = "; ".join(f"{m.code} {m.name}: {', '.join(m.groups) or m.note}" for m in MOTIONS.values())
     yield from ("", "**air_inflow**: " + ", ".join(f"{code} {name}" for name, code in INFLOWS.items()) + ".")
+    yield from ("", "**air_unsteady**: " + ", ".join(f"{bit} {name}" for name, bit in UNSTEADY.items()) + ", added up.")
     yield from ("", f"**motion_type** and numbers (* any number of them): {motions}.", "")
 
 
@@ -134,7 +135,11 @@ def rust() -> str:
         "",
         "/// Bits of `flags` of joints and elements.",
         "pub mod flag {",
-        *(f"    pub const {name}: i64 = {bit};" for name, bit in FLAGS.items()),
+        *(
+            line
+            for name, bit in FLAGS.items()
+            for line in (f"    /// `{_given_with(name)}` is given.", f"    pub const {name}: i64 = {bit};")
+        ),
         "}",
     ]
     for kinds in (JOINTS, ELEMENTS, LOADS):
@@ -149,12 +154,21 @@ def rust() -> str:
         out += ["}"]
     out += ["", "/// Codes of `air_inflow`.", "pub mod air_inflow {"]
     out += [*(f"    pub const {name.upper()}: i64 = {code};" for name, code in INFLOWS.items()), "}"]
+    out += ["", "/// Bits of `air_unsteady`.", "pub mod air_unsteady {"]
+    out += [*(f"    pub const {name.upper()}: i64 = {bit};" for name, bit in UNSTEADY.items()), "}"]
     for block in BLOCKS:
         out += ["", f"/// The numbers of a {block.name.replace('_', ' ')}.", f"pub mod {block.name} {{"]
         for name, size in (*block.starts.items(), ("size", block.total)):
             out += _rust_place(_ascii_name(name), size)
         out += ["}"]
     return "\n".join(out) + "\n"
+
+
+def _given_with(flag: str) -> str:
+    """The field that sets a flag."""
+    return next(
+        field.name for kinds in (JOINTS, ELEMENTS) for k in kinds.values() for field in k.fields if field.flag == flag
+    )
 
 
 def _ascii_name(name: str) -> str:

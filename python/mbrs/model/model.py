@@ -45,6 +45,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+    from ..view.modes import Viewer
+
 # What `dir(model)` leaves out: attributes that the package uses and a user does not.
 _INTERNAL = frozenset(vars(Book("names"))) | {name for name in vars(Book) if not name.startswith("_")}
 _PUBLIC = frozenset(
@@ -274,14 +276,15 @@ class Model(Book):
     def __contains__(self, name: object) -> bool:
         return isinstance(name, str) and (name in self.items or name in self.space.names)
 
-    def value(self, address: str) -> Any:
+    def value(self, address: str) -> float | np.ndarray:
         """The number(s) at an address now: a float, or an array for an address without an index.
 
         >>> import mbrs as mb
         >>> mb.Model("one", gravity=(0, 0, -9.81)).value("gravity[2]")
         -9.81
         """
-        return read(self, target(self, address))
+        found: float | np.ndarray = read(self, target(self, address))
+        return found
 
     def set(self, changes: Mapping[str, float | Vector | Matrix]) -> None:
         """Change numbers by address, keeping what was compiled: ``{"k_leg": 2e5, "payload.mass": 21.0}``.
@@ -390,7 +393,7 @@ class Model(Book):
 
         return scene(self.scene, f"model {self.name!r}", view=view, names=names, ax=ax)
 
-    def animate(self, path: str | Path | None = None, *, title: str | None = None) -> Any:
+    def animate(self, path: str | Path | None = None, *, title: str | None = None) -> Path | Viewer:
         """The same as `plot` in space, on one self-contained page to turn and zoom, with names under the pointer.
 
         Returns the path of the page, or a `mbrs.view.modes.Viewer` that notebooks show. Nothing is computed.

@@ -33,7 +33,7 @@ from .schema import (
 )
 
 if TYPE_CHECKING:
-    from .aliases import Scalar
+    from .aliases import Matrix, Scalar, Vector
 
 # Differences over seven points this far apart (s) stand for the derivatives of a function that does not give them.
 _STEP = 1e-3
@@ -151,7 +151,7 @@ class Polynomial(Motion):
 
     declared = POLYNOMIAL
 
-    def __init__(self, coefficients: Any) -> None:
+    def __init__(self, coefficients: Vector | Matrix) -> None:
         super().__init__(coefficients)
 
 
@@ -176,7 +176,7 @@ class Table(Motion):
 
     declared = CUBIC_TABLE
 
-    def __init__(self, t: Any, value: Any, kind: str = "cubic") -> None:
+    def __init__(self, t: Vector, value: Vector | Matrix, kind: str = "cubic") -> None:
         if kind not in ("cubic", "linear"):
             raise ModelError(f"Table: kind= is 'cubic' or 'linear', got {shown(kind)}")
         if kind == "linear":

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
 
 from ..errors import ModelError
 from .expressions import Expression, number_text
 from .names import GROUND, not_found, shown
 from .numbers import Number, numbers, vector
 from .rotations import unit
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
 
 Kind = Literal["force", "torque", "motion", "base"]
 # the vector and the point in the name of a port
@@ -160,3 +161,9 @@ def _check_known(model: Any, port: Port) -> None:
         raise not_found(
             f"the port {port.name!r} does not fit model {model.name!r}: no marker", port.marker, model.marker_index
         )
+
+
+# "body.force.x" or a coordinate's name, its number, a direction (n,), directions (n, k) by column.
+PortLike = Port | str | int | np.integer[Any] | ArrayLike
+# One, or several.
+Ports = PortLike | Sequence[PortLike]

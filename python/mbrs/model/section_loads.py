@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, cast
 
 import numpy as np
 
@@ -245,7 +245,9 @@ class _Maker:
     def _move(self, load: Load, component: int, values: np.ndarray) -> None:
         item = MotionItem(self.book, load.name)
         item.owner, item.component = load, component
-        entries = item.take(Table(self.when, values, self.kind), f"{load.name}.{'xyz'[component]}", 1)
+        entries = item.take(
+            Table(cast("np.ndarray", self.when), values, self.kind), f"{load.name}.{'xyz'[component]}", 1
+        )
         item.place = len(self.book.motions)
         item.put(entries)
         self.book.motions.append(item)

@@ -304,6 +304,7 @@ def _air(model: Book, base: dict[str, int]) -> dict[str, Any]:
     return {
         "air_name": [air.name for air in model.airs],
         "air_inflow": _integers(AIR_INFLOWS["given" if air.inflow == "none" else "momentum"] for air in model.airs),
+        "air_unsteady": _integers(air.unsteady() for air in model.airs),
         "air_x": _integers(base["air"] + air.start for air in model.airs),
         "air_history_x": _integers(-1 for _ in model.airs),
         "air_times": [[] for _ in model.airs],

@@ -57,7 +57,8 @@ def stepped(model: Any, without: tuple[str, ...], absolute: bool = False) -> Aer
         raise ModelError(f"{found[0].name!r}: a wake has no other air beside it; give all blades to one m.aerodynamics")
     if found and absolute:
         raise ModelError(
-            f'{found[0].name!r}: a motion in coordinates="absolute" takes inflow "none" or "bem", not {found[0].inflow!r}'
+            f'{found[0].name!r}: a motion in coordinates="absolute" takes no wake; give it inflow "none", "bem" or "dynamic-inflow", '
+            f"not {found[0].inflow!r}"
         )
     return found[0] if found else None
 

@@ -12,7 +12,7 @@ from ..model.names import index, nearest, shown
 from ..model.schema import JOINTS
 
 # What the core is asked for: kind, index of body or joint, order, start of a drawn point in x, a drawn point.
-Asked = tuple[str, int, int, int | None, tuple[float, float, float] | None]
+QuantityKey = tuple[str, int, int, int | None, tuple[float, float, float] | None]
 
 _KINDS = {k.code: k for k in JOINTS.values()}
 _FREE = {code: len(k.free) for code, k in _KINDS.items()}
@@ -50,7 +50,7 @@ class Names:
         """Index of a joint."""
         return index("no joint", _name(handle), self.joints)
 
-    def point(self, marker: Any, of: Any, order: int) -> Asked:
+    def point(self, marker: Any, of: Any, order: int) -> QuantityKey:
         """A marker, or a drawn world point fixed in a body."""
         if of is None:
             i = index("no marker", _name(marker), self.markers)
@@ -68,14 +68,14 @@ class Names:
         """Number of free coordinates of a joint."""
         return _FREE[int(self.tables["joint_type"][joint])]
 
-    def modal(self, body: Any, order: int) -> Asked:
+    def modal(self, body: Any, order: int) -> QuantityKey:
         """The modal coordinates of a flexible body."""
         i = self.body(body)
         if i not in self.flexible:
             raise ModelError(f"{self.bodies[i]!r} has no modal coordinates: it is rigid")
         return ("modal", i, order, None, None)
 
-    def address(self, what: str) -> Asked:
+    def address(self, what: str) -> QuantityKey:
         """ "crank.position", "P2" (a marker), "P2.velocity", "A" (the coordinates of a joint), "A.reaction", "blade.modal"."""
         if not isinstance(what, str):
             raise ModelError(f"a quantity is named like 'crank.position', 'P2' or 'A.reaction', got {shown(what)}")
@@ -108,7 +108,7 @@ class Names:
     def _either(self, name: str) -> int:
         return index("no body or marker", name, [*self.bodies, *self.markers])
 
-    def unit(self, asked: Asked) -> str:
+    def unit(self, asked: QuantityKey) -> str:
         """Unit of its numbers; empty where they differ."""
         kind, index, order = asked[:3]
         if kind == "joint":
@@ -118,7 +118,7 @@ class Names:
             return ""
         return ("m" if kind == "point" else "rad") + ("", "/s", "/s^2")[order]
 
-    def components(self, asked: Asked) -> list[str]:
+    def components(self, asked: QuantityKey) -> list[str]:
         """Names of its numbers: x y z and rx ry rz, those of a joint by its free coordinates."""
         if asked[0] == "joint":
             return list(_KINDS[int(self.tables["joint_type"][asked[1]])].coordinates)
@@ -126,7 +126,7 @@ class Names:
             return [f"q{k + 1}" for k in range(self.width(asked))]
         return ["x", "y", "z", "rx", "ry", "rz"][: 3 if asked[0] in ("point", "turning", "rotation") else 6]
 
-    def width(self, asked: Asked) -> int:
+    def width(self, asked: QuantityKey) -> int:
         """Number of numbers that the core returns for it."""
         if asked[0] == "modal":
             return self.flexible[asked[1]]
@@ -143,7 +143,7 @@ class Instant:
     """
 
     def __init__(
-        self, names: Names, t: float, index: int, read: Callable[[Asked], np.ndarray], value: Callable[[str], Any]
+        self, names: Names, t: float, index: int, read: Callable[[QuantityKey], np.ndarray], value: Callable[[str], Any]
     ) -> None:
         self.t, self.index = t, index
         self._names, self._read, self._value = names, read, value

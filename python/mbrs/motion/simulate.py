@@ -373,10 +373,10 @@ def _penalised(method: str, penalty: Any, passes: Any, parameters: Any) -> dict[
 
 
 def _with_sensitivities(method: str) -> str:
-    if method not in ("auto", "explicit", "ali3p", "generalized-alpha"):
+    if method not in ("auto", "explicit", "radau", "ali3p", "generalized-alpha"):
         raise ModelError(
-            f"method={method!r} has no sensitivities; those that have are method='explicit', 'ali3p' and 'generalized-alpha', "
-            "or leave parameters= out"
+            f"method={method!r} has no sensitivities; those that have are method='explicit', 'radau', 'ali3p' and "
+            "'generalized-alpha', or leave parameters= out"
         )
     return "ali3p" if method == "auto" else method
 

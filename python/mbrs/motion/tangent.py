@@ -20,7 +20,7 @@ from ..model.tables import Directions, directions
 from ..system.effects import with_rate_laws
 from ..system.snapshot import Snapshot
 from ..system.state import State, state_of
-from .quantities import Asked, Names
+from .quantities import Names, QuantityKey
 
 if TYPE_CHECKING:
     from ..model.model import Model
@@ -94,7 +94,7 @@ class Run:
         inner = t[:-1, None] + dt[:, None] * c
         return Nodes(np.concatenate([t, inner.ravel()]), len(t), np.concatenate([weights, (dt[:, None] * b).ravel()]))
 
-    def options(self, asked: Sequence[Asked], along: Directions | None) -> dict[str, Any]:
+    def options(self, asked: Sequence[QuantityKey], along: Directions | None) -> dict[str, Any]:
         """Arguments of the core."""
         pairs: list[tuple[list[int], list[float]]] = []
         if along is not None:
@@ -133,7 +133,7 @@ class Run:
         columns: list[list[float]] = np.asarray(r["tree_coordinates"]).T.tolist()
         return columns
 
-    def direct(self, asked: Sequence[Asked], along: Directions | None) -> dict[str, Any]:
+    def direct(self, asked: Sequence[QuantityKey], along: Directions | None) -> dict[str, Any]:
         """Values of quantities at all steps, and their derivatives."""
         with core_errors():
             return _core.motion_directions(
@@ -248,7 +248,7 @@ def require_followed_guess(run: Run, along: Directions) -> None:
     """
     if run.state.kind != "drawn" or not run.model.poses:
         return
-    asked: list[Asked] = []
+    asked: list[QuantityKey] = []
     for body in range(len(run.model.bodies)):
         asked += [("point", body, 0, None, None), ("rotation", body, 0, None, None)]
     start = replace(run, times=run.times[:1])
@@ -272,7 +272,7 @@ def require_followed_guess(run: Run, along: Directions) -> None:
             )
 
 
-def _values(run: Run, x: np.ndarray, asked: list[Asked]) -> np.ndarray:
+def _values(run: Run, x: np.ndarray, asked: list[QuantityKey]) -> np.ndarray:
     system = run.snapshot.system.with_values(x)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")

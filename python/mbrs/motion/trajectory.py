@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, Unpack
 
 import numpy as np
 
@@ -27,11 +27,15 @@ from .tangent import RHO, Run, quantity_derivative
 if TYPE_CHECKING:
     from pathlib import Path
 
+    import xarray
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from ..model.aliases import BodyLike, ItemLike, Vector3
+    from .._lib.vetter import Derivative
+    from ..model.aliases import BodyLike, ItemLike, Items, Vector3
     from ..model.model import Model
+    from ..view.modes import Viewer
+    from ..view.motion import MotionPage
 
 
 @result
@@ -294,7 +298,7 @@ class Trajectory(AirMotion, Result):
         total = q["kinetic"] + q["gravity"] + sum(stored.values(), np.zeros(len(self.t)))
         return Energy(total, q["kinetic"], q["gravity"], stored, power)
 
-    def sensitivity(self, what: str) -> Any:
+    def sensitivity(self, what: str) -> Derivative:
         """The exact derivative of a quantity of the discrete motion by ``parameters=`` of `mb.simulate`, parameter axis last.
 
         Parameters
@@ -317,8 +321,8 @@ class Trajectory(AirMotion, Result):
         """
         if self.start is None or not len(self.parameters):
             raise ModelError(
-                "this motion has no sensitivities; run mb.simulate(..., parameters=['...']) with method='explicit', 'ali3p' "
-                "or 'generalized-alpha' to get them"
+                "this motion has no sensitivities; run mb.simulate(..., parameters=['...']) with method='explicit', 'radau', "
+                "'ali3p' or 'generalized-alpha' to get them"
             )
         self.snapshot.check_current("motion")
         rho = RHO if self.rho is None else self.rho
@@ -449,7 +453,9 @@ class Trajectory(AirMotion, Result):
         footer = unit_note(labels, self.parameter_units)
         return table(["parameter", "unit", *names, "largest ever"], rows, title=title, footer=footer)
 
-    def plot(self, what: str = "motion", *, ax: Axes | None = None, **options: Any) -> Figure:
+    def plot(
+        self, what: str = "motion", *, of: Items = None, ax: Axes | None = None, label: str | None = None
+    ) -> Figure:
         """Curves over time; returns the figure.
 
         Parameters
@@ -460,19 +466,21 @@ class Trajectory(AirMotion, Result):
             three levels), "steps" (s), "error" (of each step over its tolerance), "reactions" (N), "sensitivity".
         ax
             Axes into which the first of these goes alone.
-        options
-            ``of``: names or handles of joints, bodies, markers or elements, by default those that move most; ``label`` of this motion
-            among several. Of "sensitivity" ``of``: the quantity, as in `sensitivity`.
+        of
+            Names or handles of joints, bodies, markers or elements, by default those that move most. Of "sensitivity" the
+            quantity, as in `sensitivity`.
+        label
+            Of this motion among several.
         """
         if what == "sensitivity":
             from ..plot import gradients
 
-            return gradients.over_time(self, ax=ax, **options)
+            return gradients.over_time(self, of, ax=ax)
         from ..plot import motion
 
-        return motion.plot(self, what, ax=ax, **options)
+        return motion.plot(self, what, of=of, ax=ax, label=label)
 
-    def animate(self, path: str | Path | None = None, **options: Any) -> Any:
+    def animate(self, path: str | Path | None = None, **options: Unpack[MotionPage]) -> Path | Viewer:
         """The motion as one self-contained page that plays; written to ``path`` if that is given.
 
         ``options``: ``pace`` (seconds of motion in a second of playing), ``at`` (s, paused there), ``paths`` (markers and bodies whose
@@ -480,8 +488,7 @@ class Trajectory(AirMotion, Result):
         """
         from ..view import motion
 
-        viewer = motion.motion(self, **options)
-        return viewer if path is None else viewer.write(path)
+        return motion.motion(self, path, **options)
 
     def labelled(self) -> dict[str, tuple[tuple[str, ...], Any, str, str]]:
         """Poses and velocities of the bodies, joint coordinates, reactions, forces of drives, energies (nan where an element
@@ -508,7 +515,7 @@ class Trajectory(AirMotion, Result):
             out[name] = (dims, v, {"power": "W", "stored": "J"}.get(name, ""), name)
         return out
 
-    def labels_of(self, dimension: str) -> Any:
+    def labels_of(self, dimension: str) -> Sequence[object] | np.ndarray | None:
         known: dict[str, Any] = {"time": self.t, "body": self.bodies, **self._labels()}
         return known.get(dimension, super().labels_of(dimension))
 
@@ -522,7 +529,7 @@ class Trajectory(AirMotion, Result):
             **computed,
         }
 
-    def to_xarray(self, sensitivity: Sequence[str] = ()) -> Any:
+    def to_xarray(self, sensitivity: Sequence[str] = ()) -> xarray.Dataset:
         """`xarray.Dataset` over time.
 
         ``sensitivity`` names quantities as in `sensitivity`: their derivatives come along as "d crank.position", over

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -14,14 +14,13 @@ from .._lib.border import core_errors
 from ..errors import ModelError, SingularError
 from ..model.laws import FunctionLaw, Law
 from . import condensation
+from .options import Fourier
 
 NONSMOOTH_SAMPLES = 512
 # of laws whose state has a rate: it is integrated from sample to sample with order four
 STATE_SAMPLES = 2048
-HIGHEST = 4096  # harmonics, and their subharmonics; more would not fit into dense equations
 LARGEST_SAMPLE = 1 << 18
 MOST_SAMPLES = 16384
-MOST_HARMONICS = 255
 ALIASED = 0.5  # part of the error from which on more samples pay
 # aliasing, relative to the solution, that does not count where no tolerance was given: too large, friction and contact curves are
 # rough; too small, every point takes all the samples there are (tests/nonlinear/test_hbm_sampling.py)
@@ -32,21 +31,47 @@ SINGULAR = 1e-12
 
 
 @dataclass(frozen=True)
+class Family:
+    """Systems that depend on a parameter: ``member(value)`` is system and force, made first at ``value`` of a range of length
+    ``span``."""
+
+    member: Callable[[float], Any]
+    value: float
+    span: float
+
+
+@dataclass(frozen=True)
 class Setup:
-    """A problem of the core with what is needed to read its answers."""
+    """A problem of the core with what is needed to read its answers; ``fourier`` has the harmonics and samples that were taken."""
 
     system: Any
-    harmonics: tuple[int, ...]
-    subharmonic: int
-    n_samples: int
+    force: Any
+    fourier: Fourier
+    omega: float
     core: Any
     linear: condensation.Linear
-    arguments: tuple[Any, ...] = ()
-    member: Callable[[float], Any] | None = field(default=None, repr=False)
+    turn: bool = True
+    family: Family | None = field(default=None, repr=False)
 
     def __reduce__(self) -> Any:
         # the core's object does not travel; it is made again
-        return (prepare, self.arguments) if self.member is None else (of_family, self.arguments)
+        if self.family is None:
+            return prepare, (self.system, self.force, self.fourier, self.omega, self.turn)
+        return prepare_family, (self.family.member, self.family.value, self.family.span, self.fourier, self.omega)
+
+    @property
+    def harmonics(self) -> tuple[int, ...]:
+        """The harmonics of omega / subharmonic that are kept, ascending."""
+        return self.fourier.terms
+
+    @property
+    def subharmonic(self) -> int:
+        return self.fourier.subharmonic
+
+    @property
+    def n_samples(self) -> int:
+        """Samples per period."""
+        return cast(int, self.fourier.n_samples)
 
     @property
     def n_c(self) -> int:
@@ -60,10 +85,10 @@ class Setup:
     def expand(self, y: np.ndarray, omega: float, level: float = 1.0, value: float | None = None) -> np.ndarray:
         """Coefficients (dof, 2 H + 1) of all coordinates for a vector of the core's unknowns; ``value`` is that of the
         parameter on which the system depends."""
-        if value is not None and self.member is not None and self.linear.route != "full":
-            system, force = self.member(value)
-            _, _, _, terms, given = self.arguments
-            return prepare(system, force, terms, turn=False, **given).expand(y, omega, level)
+        if value is not None and self.family is not None and self.linear.route != "full":
+            system, force = self.family.member(value)
+            there = prepare(system, force, self.fourier, self.omega, turn=False)
+            return there.expand(y, omega, level)
         X = call_core(self.core.expand, y, [omega], level)
         X = X if self.linear.transform is None else self.linear.transform @ X
         if not np.all(np.isfinite(X)):
@@ -160,26 +185,6 @@ def checked_guess(n: int, x0: Any) -> np.ndarray:
     return given
 
 
-def steps(step: Any, least: Any, largest: Any) -> tuple[float, float, float]:
-    """First, least and largest step of a continuation, checked."""
-    first, low, high = (positive(n, v) for n, v in (("step", step), ("min_step", least), ("max_step", largest)))
-    if not low <= first <= high:
-        raise ModelError(f"min_step <= step <= max_step must hold, they are {low}, {first}, {high}")
-    if high > 10.0:
-        raise ModelError(f"max_step = {high:g} is larger than the whole curve, which has about the length 1; take 0.1")
-    return first, low, high
-
-
-def newton(tolerance: Any, max_iterations: Any) -> dict[str, Any]:
-    """The options of Newton's method, checked."""
-    if positive("tolerance", tolerance) >= 1.0:
-        raise ModelError(f"tolerance = {tolerance} is of the last step relative to the solution; it must be below 1")
-    return dict(
-        tolerance=positive("tolerance", tolerance),
-        max_iterations=checks.count("max_iterations", max_iterations, 100_000),
-    )
-
-
 def checked_level(level: Any) -> float:
     """A finite factor on the forces."""
     known = isinstance(level, int | float | np.integer | np.floating) and not isinstance(level, bool)
@@ -196,78 +201,64 @@ def scaled_force(force: Any, level: float) -> Any:
     return {h: np.asarray(f) * (level if h != 0 else 1.0) for h, f in given.items()}
 
 
-def positive(name: str, value: Any) -> float:
-    """A positive finite number, or `ModelError`."""
-    if isinstance(value, bool) or not isinstance(value, int | float | np.number) or not 0 < value < np.inf:
-        raise ModelError(f"{name} must be a positive number, it is {checks.shown(value)}")
-    return float(value)
-
-
 def prepare(
-    system: Any,
-    force: Any,
-    harmonics: Any,
-    subharmonic: int = 1,
-    n_samples: int | None = None,
-    omega: float = 1.0,
-    condense: bool | str = "auto",
-    turn: bool = True,
-    least_samples: int = 0,
+    system: Any, force: Any, fourier: Fourier, omega: float = 1.0, turn: bool = True, least_samples: int = 0
 ) -> Setup:
-    """Checks everything and builds the core's problem; samples that are chosen are at least ``least_samples``."""
+    """Checks everything and builds the core's problem; samples that are chosen are at least ``least_samples``. Without ``turn``
+    the coordinates stay what they are, whatever the laws touch."""
     laws = checked_system(system)
-    subharmonic = checks.count("subharmonic", subharmonic, HIGHEST)
-    terms = checked_harmonics(harmonics, subharmonic)
+    terms, subharmonic = fourier.terms, fourier.subharmonic
     forces = _force_terms(system.n, force, terms, subharmonic)
-    n = checked_samples(n_samples, laws, terms, subharmonic)
-    if n_samples is None:
+    n = checked_samples(cast("int | None", fourier.n_samples), laws, terms, subharmonic)
+    if fourier.n_samples is None:
         n = max(n, least_samples)
     top = min(2 * terms[-1] + 1, terms[-1] + 6)  # the estimate looks at this many
     extra = [[h] for h in range(1, top + 1) if h not in terms]
     fine = max(2 * n, needed_samples(laws, (top,), subharmonic))
-    linear = condensation.linear_part(system, laws, forces, 2 * len(terms) + 1, condense, turn)
+    linear = condensation.linear_part(system, laws, forces, 2 * len(terms) + 1, fourier.condense, turn)
     elements = core_elements(laws, linear.directions)
     indices = [[h] for h in terms]
     core = call_core(_core.HbmProblem, linear.core, elements, indices, subharmonic, [omega], [n], extra, [fine])
-    arguments = (system, force, terms, subharmonic, n, omega, condense, turn)
-    return Setup(system, terms, subharmonic, n, core, linear, arguments)
+    return Setup(system, force, fourier.but(harmonics=terms, n_samples=n), omega, core, linear, turn)
 
 
-def of_family(
-    member: Callable[[float], Any], value: float, span: float, harmonics: Any, given: Mapping[str, Any]
+def prepare_family(
+    member: Callable[[float], Any],
+    value: float,
+    span: float,
+    fourier: Fourier,
+    omega: float = 1.0,
+    least_samples: int = 0,
 ) -> Setup:
-    """The problem of a system that depends on a parameter: ``member(value)`` returns system and force; ``given`` are options
-    of `prepare`."""
+    """The problem of a system that depends on a parameter: ``member(value)`` returns system and force, ``span`` is the length
+    of the range of values."""
     system, force = member(value)
-    setup = prepare(system, force, harmonics, turn=False, **given)
-    _, _, terms, subharmonic, _, _, condense, _ = setup.arguments
+    setup = prepare(system, force, fourier, omega, turn=False, least_samples=least_samples)
+    terms = setup.harmonics
 
     def made(p: float) -> tuple[Any, Any]:
         system, force = member(p)
         laws = checked_system(system)
-        forces = _force_terms(system.n, force, terms, subharmonic)
-        linear = condensation.linear_part(system, laws, forces, 2 * len(terms) + 1, condense, turn=False)
+        forces = _force_terms(system.n, force, terms, setup.subharmonic)
+        linear = condensation.linear_part(system, laws, forces, setup.n_c, fourier.condense, turn=False)
         return linear.core, core_elements(laws, linear.directions)
 
     setup.core.with_family(made, value, 1e-5 * span)
-    return replace(setup, member=member, arguments=(member, value, span, terms, dict(given)))
+    return replace(setup, family=Family(member, value, span))
 
 
-def more_samples(
-    n: int, error: float, aliasing: float, laws: Sequence[Law], given: Any, tol: float | None
-) -> int | None:
-    """Double the number of samples if aliasing dominates the error and counts beside ``tol``, else None; None where the number
-    was given."""
-    least = negligible(tol)
-    known = given is not None or all(law.kind.polynomial for law in laws)
-    if known or 2 * n > MOST_SAMPLES or aliasing <= max(ALIASED * error, least):
+def more_samples(n: int, error: float, aliasing: float, laws: Sequence[Law], fourier: Fourier) -> int | None:
+    """Double the number of samples if aliasing dominates the error and counts beside the tolerance, else None; None where the
+    number was given."""
+    known = fourier.n_samples is not None or all(law.kind.polynomial for law in laws)
+    if known or 2 * n > MOST_SAMPLES or aliasing <= max(ALIASED * error, _negligible(fourier)):
         return None
     return 2 * n
 
 
-def negligible(tol: float | None) -> float:
+def _negligible(fourier: Fourier) -> float:
     """Aliasing that does not count: a tenth of the tolerance, `NEGLIGIBLE` where none was given."""
-    return NEGLIGIBLE if tol is None else tol / 10
+    return fourier.limit() / 10 if fourier.automatic or fourier.tol is not None else NEGLIGIBLE
 
 
 def checked_system(system: Any) -> tuple[Law, ...]:
@@ -289,40 +280,6 @@ def checked_system(system: Any) -> tuple[Law, ...]:
         if not np.all(np.isfinite(numbers)):
             raise ModelError(f"elements[{i}], {law!r}: its numbers are {numbers}; all must be finite")
     return tuple(system.elements)
-
-
-def checked_harmonics(harmonics: Any, subharmonic: int) -> tuple[int, ...]:
-    """The harmonics of omega / subharmonic that are kept, ascending."""
-    if isinstance(harmonics, int | np.integer) and not isinstance(harmonics, bool):
-        if harmonics < 1:
-            raise ModelError(f"harmonics must be at least 1, it is {harmonics}")
-        _bounded(int(harmonics) * subharmonic)
-        return tuple(range(1, int(harmonics) * subharmonic + 1))
-    if isinstance(harmonics, str) or not isinstance(harmonics, Sequence | np.ndarray) or np.size(harmonics) == 0:
-        given = checks.shown(harmonics)
-        raise ModelError(f"harmonics must be a number or a sequence of positive integers, it is {given}")
-    terms = [integer("harmonics", h) for h in np.atleast_1d(np.asarray(harmonics, dtype=object))]
-    _bounded(max(terms))
-    if len(set(terms)) != len(terms):
-        raise ModelError(f"harmonics are given twice: {terms}")
-    return tuple(sorted(terms))
-
-
-def _bounded(top: int) -> None:
-    if top > HIGHEST:
-        raise ModelError(
-            f"harmonics up to {checks.shown(top)} (of the excitation frequency over subharmonic) are too many; "
-            f"take at most {HIGHEST}, or a sequence of those that matter"
-        )
-
-
-def integer(name: str, value: Any) -> int:
-    """A positive integer, or `ModelError`."""
-    if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 1:
-        raise ModelError(
-            f"{name} must be positive integers, not {checks.shown(value)}; the constant term is always kept"
-        )
-    return int(value)
 
 
 def whole(name: str, value: Any) -> int:

@@ -6,6 +6,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator
 from contextlib import suppress
+from dataclasses import replace
 from functools import partial
 from inspect import Parameter, signature
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -13,18 +14,25 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from .. import _core
-from .._lib import checks
 from .._lib.progress import Progress
 from ..errors import ConvergenceError, Interrupted, MbrsError, ModelError, SingularError
 from ..results import Stats
 from . import balance
-from .branch_options import PREDICTORS, BranchOptions, first_set, one_of_each, range_and_level, range_of_values
+from .branch_options import BranchOptions, first_set, one_of_each, range_and_level, range_of_values
 from .branch_points import STATUS, BranchPoint, Chunks, Event, resolved
-from .periodic import MOST_HARMONICS, UNRESOLVED, effects_of, first_solution
+from .options import MOST_HARMONICS, Continuation, Fourier, Newton
+from .periodic import effects_of, first_solution
 from .response_curve import FrequencyResponse, Part, known_stability
 from .system import as_system
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from numpy.typing import ArrayLike
+
+    from ..linear.aliases import Coefficients, Force, Ports
+    from ..linear.matrices import MechanicalSystem
+    from ..model.model import Model
     from ..system.state import StateLike
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -52,21 +60,21 @@ class Branch(Iterator[BranchPoint]):
 
     def __init__(
         self,
-        system: Any,
+        system: Model | MechanicalSystem | None,
         *,
-        force: Any = None,
-        inputs: Any = None,
-        amplitude: Any = None,
-        omega: Any = None,
-        frequency: Any = None,
-        level: Any = 1.0,
+        force: Force | Callable[..., Any] | None = None,
+        inputs: Ports | Mapping[int, Ports] | None = None,
+        amplitude: ArrayLike | Callable[[float], Any] | None = None,
+        omega: float | tuple[float, float] | None = None,
+        frequency: float | tuple[float, float] | None = None,
+        level: float | tuple[float, float] = 1.0,
         family: Callable[[float], tuple[Any, Any]] | None = None,
-        value: Any = None,
-        harmonics: Any = 7,
+        value: tuple[float, float] | None = None,
+        harmonics: int | str | Sequence[int] = 7,
         n_samples: int | None = None,
         subharmonic: int = 1,
         condense: bool | str = "auto",
-        x0: Any = None,
+        x0: Coefficients | None = None,
         tol: float | None = None,
         predictor: str = "tangent",
         corrector: str = "pseudo-arclength",
@@ -77,7 +85,7 @@ class Branch(Iterator[BranchPoint]):
         stability: bool = True,
         events: bool = True,
         at: StateLike = None,
-        without: Any = (),
+        without: Sequence[str] = (),
     ) -> None:
         self.family = family
         self.value: tuple[float, float] | None = None
@@ -91,24 +99,10 @@ class Branch(Iterator[BranchPoint]):
             self.parameter, self.value = "family", range_of_values(value)
             self.omega, self.level = one_of_each(w, level)
             self.system, self.force = family(self.value[0])
-        self._auto = isinstance(harmonics, str)
-        if self._auto and harmonics != "auto":
-            raise ModelError(f'harmonics must be a number, a sequence or "auto", it is {harmonics!r}')
-        self.tol = balance.positive("tol", tol) if tol is not None else (1e-6 if self._auto else None)
-        self._prepare: dict[str, Any] = dict(subharmonic=subharmonic, n_samples=n_samples, condense=condense)
-        self.stability = checks.flag("stability", stability)
-        self.setup = self._problem(first_set(force if inputs is None else inputs) if self._auto else harmonics)
-        limits = balance.steps(step, min_step, max_step)
-        self._options: dict[str, Any] = dict(
-            predictor=checks.choice("predictor", predictor, PREDICTORS),
-            corrector=checks.choice("corrector", corrector, ("pseudo-arclength", "arclength", "moore-penrose")),
-            first_step=limits[0],
-            least_step=limits[1],
-            largest_step=limits[2],
-            tolerance=balance.positive("tolerance", tolerance),
-            stability=self.stability,
-            events=checks.flag("events", events),
-        )
+        self.fourier = Fourier(harmonics, n_samples, subharmonic, condense, tol)
+        self.continuation = Continuation(predictor, corrector, step, min_step, max_step, tolerance, stability, events)
+        begin = first_set(force if inputs is None else inputs) if self.fourier.automatic else harmonics
+        self.setup = self._problem(begin)
         self.chunks = Chunks()
         self.status, self.reason = "going", ""
         self.corrections = self.factorisations = 0
@@ -131,14 +125,15 @@ class Branch(Iterator[BranchPoint]):
         return (self.omega[0], p, None) if self.parameter == "level" else (self.omega[0], self.level[0], p)
 
     def _problem(self, harmonics: Any, least_samples: int = 0) -> balance.Setup:
-        given = dict(omega=self.omega[0], least_samples=least_samples, **self._prepare)
+        fourier, omega = self.fourier.but(harmonics=harmonics), self.omega[0]
         if self.family is None:
-            setup = balance.prepare(self.system, self.force, harmonics, **given)
+            setup = balance.prepare(self.system, self.force, fourier, omega, least_samples=least_samples)
         else:
             a, b = self._span
-            setup = balance.of_family(self.family, a, abs(b - a), harmonics, given)
+            setup = balance.prepare_family(self.family, a, abs(b - a), fourier, omega, least_samples)
         # a reduced model is that of one system; a family has its own matrices, or no stability
-        self._model = setup.model(max(self.omega)) if self.stability and self.family is None else None
+        stable = self.continuation.stability and self.family is None
+        self._model = setup.model(max(self.omega)) if stable else None
         return setup
 
     def _first(self, x0: Any) -> Any:
@@ -151,9 +146,8 @@ class Branch(Iterator[BranchPoint]):
                 raise
             omega, level, _ = self._where(begin)
             force = balance.scaled_force(self.force, level)
-            options = dict(tolerance=self._options["tolerance"], max_iterations=60)
-            given = dict(omega=omega, **self._prepare)
-            setup, answer = first_solution(self.system, force, self.setup.harmonics, given, None, options)
+            fourier, newton = self.fourier.but(harmonics=self.setup.harmonics), Newton(self.continuation.tolerance)
+            setup, answer = first_solution(self.system, force, omega, fourier, newton, None)
             if not answer["converged"]:
                 raise
             self.setup = self._problem(self.setup.harmonics, setup.n_samples)
@@ -168,7 +162,7 @@ class Branch(Iterator[BranchPoint]):
         step: float | None = None,
     ) -> Any:
         a, b = self._span
-        options = self._options if step is None else dict(self._options, first_step=step)
+        steps = self.continuation if step is None else replace(self.continuation, step=step)
         return balance.call_core(
             _core.HbmBranch,
             self.setup.core,
@@ -182,7 +176,7 @@ class Branch(Iterator[BranchPoint]):
             towards=towards,
             across=across,
             model=self._model,
-            **options,
+            **steps.core,
         )
 
     @property
@@ -222,7 +216,7 @@ class Branch(Iterator[BranchPoint]):
     def fields(self, wall_time: float) -> dict[str, Any]:
         """The branch so far as the fields of a `FrequencyResponse`."""
         error = self.chunks.column("error")
-        limit = UNRESOLVED if self.tol is None else self.tol
+        limit = self.fourier.limit()
         status = "max-points" if self.status == "going" else self.status
         if status == "converged" and not np.all(error <= limit):
             status = "unresolved"
@@ -237,7 +231,7 @@ class Branch(Iterator[BranchPoint]):
         return dict(
             omega=np.concatenate([part.omega for part in parts]),
             level=np.concatenate([part.level for part in parts]),
-            stable=known_stability(self.chunks.column("stable"), self.stability),
+            stable=known_stability(self.chunks.column("stable"), self.continuation.stability),
             exponents=self.chunks.exponents(),
             events=self.events,
             parts=parts,
@@ -298,9 +292,7 @@ class Branch(Iterator[BranchPoint]):
             self._core = self._first(None)
             return
         last, before = self._place(-1), self._place(-2)
-        step = float(
-            np.clip(self.chunks.column("step")[-1], self._options["least_step"], self._options["largest_step"])
-        )
+        step = float(np.clip(self.chunks.column("step")[-1], self.continuation.min_step, self.continuation.max_step))
         if not self._take_up(self._restarted(last, last - before, step)):
             self.status, self.reason = (
                 "stopped",
@@ -337,7 +329,7 @@ class Branch(Iterator[BranchPoint]):
         """Four times the samples where their number is free and matters."""
         smooth = all(law.kind.polynomial for law in self.system.elements)
         more = 4 * self.setup.n_samples
-        return None if smooth or self._prepare["n_samples"] is not None or more > balance.MOST_SAMPLES else more
+        return None if smooth or self.fourier.n_samples is not None or more > balance.MOST_SAMPLES else more
 
     def _place(self, i: int) -> np.ndarray:
         """[y, p] of a point, in the present set of harmonics."""
@@ -372,7 +364,7 @@ class Branch(Iterator[BranchPoint]):
     def _why(self, broken: int | None) -> str:
         if broken is not None:
             return f"elements[{broken}], {self.system.elements[broken]!r}, returned a force that is not finite"
-        return f"the corrector does not converge with the least step {self._options['least_step']:.0e}"
+        return f"the corrector does not converge with the least step {self.continuation.min_step:.0e}"
 
     def _richer(self, part: dict[str, Any], events: list[Any]) -> tuple[dict[str, Any], list[Any]]:
         """Cuts a chunk where harmonics or samples are too few, and goes on with more of them from the point before."""
@@ -427,21 +419,21 @@ class Branch(Iterator[BranchPoint]):
         cornered = part["step"] < CORNERED if self._more_samples() else np.zeros(len(part["p"]), bool)
         cornered = cornered & (np.arange(len(part["p"])) + len(self.chunks) > 0)  # the first point has no step
         lacking = part["aliasing"] > balance.ALIASED * part["error"]
-        if self._auto:
-            lacking = ~(part["error"] <= self.tol)
+        automatic, limit = self.fourier.automatic, self.fourier.limit()
+        if automatic:
+            lacking = ~(part["error"] <= limit)
         if not np.any(lacking | cornered):
             return None
         laws, n = self.system.elements, self.setup.n_samples
-        given = self._prepare["n_samples"]
         top, nu = self.setup.harmonics[-1], self.setup.subharmonic
         for i, (error, aliasing) in enumerate(zip(part["error"], part["aliasing"], strict=True)):
             if cornered[i]:
                 return i, self.setup.harmonics, self._more_samples() or n
-            wanted = not self._auto or self.tol is None or not error <= self.tol
-            more = balance.more_samples(n, error, aliasing, laws, given, self.tol) if wanted else None
+            wanted = not automatic or not error <= limit
+            more = balance.more_samples(n, error, aliasing, laws, self.fourier) if wanted else None
             if more is not None:
                 return i, self.setup.harmonics, more
-            if self._auto and wanted and top < MOST_HARMONICS * nu:
+            if automatic and wanted and top < MOST_HARMONICS * nu:
                 order = max(top // nu, 1)
                 return i, min(MOST_HARMONICS, order + max(2, order // 2)), n
         return None
@@ -508,7 +500,7 @@ class Branch(Iterator[BranchPoint]):
     def _double(self, single: Branch, apart: np.ndarray) -> np.ndarray:
         """Makes this a branch of twice the period of another; a step of that one, in the unknowns of this one."""
         old = single.setup
-        self._prepare = dict(self._prepare, subharmonic=2 * old.subharmonic)
+        self.fourier = self.fourier.but(subharmonic=2 * old.subharmonic)
         self.setup = self._problem(max(1, old.harmonics[-1] // old.subharmonic))
         X = old.expand(apart[:-1], single.omega[0], 0.0)
         return np.append(self.setup.start(_stretched(X, 2)), apart[-1])

@@ -18,9 +18,6 @@ if TYPE_CHECKING:
     from ..linear.aliases import Coefficients, Force, Ports
     from ..system.state import StateLike
 
-# "lagrange" is of order 3
-PREDICTORS = ("tangent", "secant", "lagrange", *(f"lagrange{order}" for order in range(1, 6)))
-
 
 class BranchOptions(TypedDict, total=False):
     """Options of every function that follows a branch; `frequency_response` explains them, `Branch` has the defaults."""

@@ -62,7 +62,7 @@ def linear_part(
     if turn and condense not in ("modal", "sparse") and len(touched) > 8 and system.n <= MODAL_COORDINATES:
         rank = int(np.linalg.matrix_rank(np.array(directions)))
         if 2 * rank < len(touched):
-            return _turned(system, directions, forces, rank)
+            return _leading_coordinates(system, directions, forces, rank)
     if len(touched) == system.n:
         return _full(system, directions, forces, n_c)
     by_modes = condense == "modal" or (condense != "sparse" and system.n <= MODAL_COORDINATES)
@@ -99,7 +99,7 @@ def _full(system: Any, directions: tuple[np.ndarray, ...], forces: np.ndarray, n
     return Linear(_core.HbmLinear.full(*dense(system), forces), "full", directions)
 
 
-def _turned(system: Any, directions: tuple[np.ndarray, ...], forces: np.ndarray, rank: int) -> Linear:
+def _leading_coordinates(system: Any, directions: tuple[np.ndarray, ...], forces: np.ndarray, rank: int) -> Linear:
     """Directions that touch many coordinates: an orthogonal change of coordinates puts them on the first few."""
     import scipy.linalg
 

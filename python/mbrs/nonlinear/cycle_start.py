@@ -10,9 +10,12 @@ import numpy as np
 
 from ..errors import ConvergenceError
 from . import balance, condensation, verify
+from .options import Fourier
 
 COLLOCATION_SAMPLES = 1 << 15
 MOST_NODES = 40000
+# Last step of Newton's method, relative, at an equilibrium. Larger: cycles start beside it. Smaller: rounding.
+AT_REST = 1e-10
 PIECES = 16  # of the time in which a motion is to repeat itself
 MESH = 2000  # nodes of a first mesh, about
 # how often the equations are evaluated at most in search of a cycle by integration, a count: too large, the search takes minutes;
@@ -21,6 +24,7 @@ MOST_EVALUATIONS = 150_000
 # relative change of the amplitude between two stretches of time below which a motion may repeat itself, free of units: too large,
 # searches for a period begin too early; too small, too late (tests/nonlinear/test_hbm_cycle.py)
 SETTLED = 0.05
+FIRST = Fourier(1, condense=False)  # one harmonic of all coordinates
 AMPLITUDES = np.geomspace(1e-6, 1e6, 121)
 
 
@@ -47,8 +51,8 @@ def from_coefficients(X: np.ndarray, w: float) -> Start:
 
 def equilibrium(system: Any, force: Any) -> np.ndarray:
     """x of rest under the static forces, from the constant terms of harmonic balance."""
-    setup = balance.prepare(system, force, 1, condense=False)
-    answer = balance.call_core(setup.core.solve, setup.start(None), [1.0])
+    setup = balance.prepare(system, force, FIRST)
+    answer = balance.call_core(setup.core.solve, setup.start(None), [1.0], tolerance=AT_REST, max_iterations=50)
     return setup.expand(answer["y"], 1.0)[:, 0] if answer["converged"] else np.zeros(system.n)
 
 
@@ -76,7 +80,7 @@ def candidates(system: Any, force: Any, omega: float | None) -> Iterator[tuple[n
     A = np.block([[np.zeros((n, n)), np.eye(n)], [-np.linalg.solve(M, K), -np.linalg.solve(M, C)]])
     s, shapes = np.linalg.eig(A)
     unstable = [i for i in np.argsort(-s.real) if s[i].real > 0 and s[i].imag >= 0]
-    setup = balance.prepare(system, force, 1, condense=False)
+    setup = balance.prepare(system, force, FIRST)
     for i in unstable:
         w = abs(s[i]) if omega is None else omega
         if w == 0:

@@ -14,6 +14,7 @@ from . import balance
 from .branch import BRANCH_DEFAULTS, Branch, interrupted, takes_branch_options
 from .branch_options import BranchOptions
 from .branch_points import filled_up
+from .options import Fourier
 from .periodic import effects_of, harmonic_balance
 from .response_curve import FrequencyResponse, Part, known_stability
 from .system import as_system
@@ -121,8 +122,8 @@ def _points(system: Any, options: BranchOptions) -> FrequencyResponse:
     if np.ndim(level) != 0:
         raise ModelError("a set of frequencies takes one level; give one frequency for a range of levels")
     scaled = balance.scaled_force(force, balance.checked_level(level))
-    given_again = {name: given[name] for name in ("n_samples", "subharmonic", "condense", "tol", "harmonics")}
-    subharmonic = given["subharmonic"]
+    of_each = {name: given[name] for name in ("n_samples", "subharmonic", "condense", "tol", "harmonics")}
+    fourier, subharmonic = Fourier(**of_each), given["subharmonic"]
     parts: list[Any] = []
     errors: list[float] = []
     stable: list[float] = []
@@ -131,15 +132,14 @@ def _points(system: Any, options: BranchOptions) -> FrequencyResponse:
     try:
         for one_omega in w:
             try:
-                one = harmonic_balance(system, force=scaled, omega=float(one_omega), x0=guess, **given_again)
+                one = harmonic_balance(system, force=scaled, omega=float(one_omega), x0=guess, **of_each)
             except ConvergenceError as problem:
                 if not parts:
                     raise
                 status = f"stopped: {problem}"
                 break
-            setup = balance.prepare(
-                system, scaled, one.harmonics, subharmonic, one.n_samples, float(one_omega), given["condense"]
-            )
+            taken = fourier.but(harmonics=one.harmonics, n_samples=one.n_samples)
+            setup = balance.prepare(system, scaled, taken, float(one_omega))
             y = setup.start(one)
             s = setup.exponents(y, float(one_omega)) if stability else None
             # the forces of this set are scaled already

@@ -12,7 +12,8 @@ from ..errors import ConvergenceError, ModelError, SingularError
 from ..model.book import Book
 from ..results import Stats, quantity, result
 from . import balance, condensation, cycle_start
-from .periodic import UNRESOLVED, PeriodicSolution, effects_of
+from .options import MOST_HARMONICS, UNRESOLVED, Fourier, Newton, checked_harmonics
+from .periodic import PeriodicSolution, effects_of
 from .system import nonlinear_system
 
 if TYPE_CHECKING:
@@ -132,10 +133,8 @@ def limit_cycle(
         raise ModelError("at= and without= are for models; a MechanicalSystem is what its matrices are")
     balance.checked_system(system)
     checks.choice("method", method, ("auto", "harmonic-balance", "collocation"))
-    automatic = isinstance(harmonics, str)
-    if automatic and harmonics != "auto":
-        raise ModelError(f'harmonics must be a number, a sequence or "auto", it is {harmonics!r}')
-    limit = balance.positive("tol", (1e-6 if automatic else UNRESOLVED / 10) if tol is None else tol)
+    fourier, newton = Fourier(harmonics, n_samples, 1, condense, tol), Newton(tolerance, max_iterations)
+    automatic, limit = fourier.automatic, fourier.limit(UNRESOLVED / 10)
     static = _static_force(system, force)
     if condensation.conservative(system):
         raise ConvergenceError(
@@ -143,12 +142,10 @@ def limit_cycle(
             "families; give it damping, a follower (unsymmetric) stiffness or a law of the velocity",
             None,
         )
-    given: dict[str, Any] = dict(n_samples=n_samples, condense=condense)
-    options = balance.newton(tolerance, max_iterations)
-    tops = _enrichment(harmonics)
+    tops = _enrichment(fourier)
     guess = (x0, omega) if x0 is not None else None
     if guess is not None or omega is not None:
-        omega = float(balance.one_frequency(balance.positive("omega (needed beside x0)", omega), None))
+        omega = float(balance.one_frequency(checks.positive("omega (needed beside x0)", omega), None))
         guess = guess and (balance.checked_guess(system.n, x0), omega)
     starts = [guess] if guess is not None else list(cycle_start.candidates(system, static, omega))
     if method == "collocation":
@@ -163,7 +160,9 @@ def limit_cycle(
                 break
             start = found.X, found.omega
             tops = tops[-1:] if not automatic else tops[-4:]
-        last = _refine(system, static, start, tops, limit, given, options, started) or last
+        last = (
+            _refine(system, static, start, [fourier.but(harmonics=top) for top in tops], limit, newton, started) or last
+        )
         if last is not None and last.status == "converged":
             return last
     if automatic and method == "auto" and not any(law.has_memory for law in system.elements):
@@ -181,12 +180,12 @@ def _better(last: LimitCycle | None, other: LimitCycle) -> LimitCycle:
     return other if last is None or other.error < last.error else last
 
 
-def _enrichment(harmonics: Any) -> list[Any]:
+def _enrichment(fourier: Fourier) -> list[Any]:
     """Sets of harmonics of growing size, so that each start is near."""
-    if isinstance(harmonics, str):
-        return [1, 3, 5, 9, 15, 23, 35, 53, 79, 119, 179, 255]
-    top = balance.checked_harmonics(harmonics, 1)[-1]
-    return [*(h for h in (1, 3, 5, 9, 15, 23, 35, 53, 79, 119, 179) if h < top), harmonics]
+    sizes = (1, 3, 5, 9, 15, 23, 35, 53, 79, 119, 179)
+    if fourier.automatic:
+        return [*sizes, MOST_HARMONICS]
+    return [*(h for h in sizes if h < fourier.terms[-1]), fourier.harmonics]
 
 
 def _static_force(system: Any, force: Any) -> dict[int, np.ndarray]:
@@ -203,20 +202,19 @@ def _refine(
     system: Any,
     force: Any,
     start: tuple[Any, float],
-    tops: list[Any],
+    sets: list[Fourier],
     limit: float,
-    given: dict[str, Any],
-    options: dict[str, Any],
+    newton: Newton,
     started: float,
 ) -> LimitCycle | None:
     """From one start through all sets of harmonics; the last cycle that was found, or None."""
     X, w = start
     size = np.max(np.abs(np.asarray(getattr(X, "X", X))[:, 1:]))
     found = None
-    for top in tops:
-        setup = balance.prepare(system, force, top, omega=w, **given)
+    for fourier in sets:
+        setup = balance.prepare(system, force, fourier, w)
         z = np.append(setup.start(X), w)
-        answer = balance.call_core(setup.core.cycle, z, **options)
+        answer = balance.call_core(setup.core.cycle, z, **newton.core)
         w_new = float(answer["z"][-1])
         if not answer["converged"] or w_new <= 0:
             continue
@@ -224,10 +222,9 @@ def _refine(
         if np.max(np.abs(X_new[:, 1:])) < 1e-4 * size:
             continue  # the equilibrium, which solves the equations for every frequency
         X, w = X_new, w_new
-        last_set = top is tops[-1]
-        if last_set or answer["error"] <= limit:
+        if fourier is sets[-1] or answer["error"] <= limit:
             found = _result(system, force, setup, answer, limit, started)
-        if answer["error"] <= limit and tops[-1] == 255:
+        if answer["error"] <= limit and sets[-1].harmonics == MOST_HARMONICS:
             return found
     return found
 
@@ -255,7 +252,7 @@ def _result(system: Any, force: Any, setup: Any, answer: Any, limit: float, star
 
 
 def _collocated(system: Any, force: Any, starts: list[Any], harmonics: Any, limit: float, started: float) -> LimitCycle:
-    top = 1 if harmonics is None else balance.checked_harmonics(harmonics, 1)[-1]
+    top = 1 if harmonics is None else checked_harmonics(harmonics, 1)[-1]
     given = len(starts) == 1 and starts[0][0] is not None
     start = cycle_start.from_coefficients(*starts[0]) if given else cycle_start.by_integration(system, force)
     if start is None:

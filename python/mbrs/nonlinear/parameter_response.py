@@ -18,6 +18,7 @@ from . import balance
 from .branch import BRANCH_DEFAULTS, Branch, interrupted, takes_branch_options
 from .branch_options import BranchOptions
 from .branch_points import Event
+from .options import integer
 from .periodic import PeriodicSolution
 from .response_curve import FrequencyResponse
 from .system import as_system
@@ -82,7 +83,7 @@ class ParameterResponse(FrequencyResponse):
             raise ModelError(
                 "this branch cannot go on: its systems came from a function that cannot be imported; define it in a module"
             )
-        most = len(self.branch.chunks) + balance.integer("max_points", max_points)
+        most = len(self.branch.chunks) + integer("max_points", max_points)
         return _followed(self.branch, most, self.name, self.stats.wall_time)
 
     def _span(self) -> str:

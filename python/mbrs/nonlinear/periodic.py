@@ -14,6 +14,7 @@ from ..results import Result, Stats, derived, quantity, result
 from . import balance, condensation
 from .displacement import displacement_coefficients, label
 from .fourier import FourierMotion
+from .options import MOST_HARMONICS, Fourier, Newton
 from .sampled_force import cut, harmonics_of, linear_size
 
 if TYPE_CHECKING:
@@ -30,11 +31,9 @@ if TYPE_CHECKING:
     from .displacement import Displacement
     from .verify_full import Distance
 
-UNRESOLVED = 0.1
 # Largest harmonic, over that of the guess, of a free vibration that has gone to rest: Newton's method leaves 1e-10 and less. Pinned by
 # tests/nonlinear/test_hbm_honest.py.
 AT_REST = 1e-6
-MOST_HARMONICS = balance.MOST_HARMONICS
 
 
 @result
@@ -157,9 +156,8 @@ class PeriodicSolution(FourierMotion, Result):
     def multipliers(self) -> np.ndarray | None:
         """(2 dof,) Floquet multipliers exp(s T) over one period of the motion, computed when asked for; None where they cannot be
         told (laws with memory, large systems without a reduced model)."""
-        setup = balance.prepare(
-            self.system, self.force, self.harmonics, self.subharmonic, self.n_samples or None, self.omega
-        )
+        fourier = Fourier(self.harmonics, self.n_samples or None, self.subharmonic)
+        setup = balance.prepare(self.system, self.force, fourier, self.omega)
         s = setup.exponents(setup.start(self), self.omega)
         return None if s is None else np.exp(s * self.period)
 
@@ -317,33 +315,29 @@ def harmonic_balance(
     """
     from .system import as_system
 
-    started = perf_counter()
     system, force = as_system(system, force, amplitude, at, without, inputs)
     w = balance.one_frequency(omega, frequency)
     if w.ndim != 0:
         raise ModelError("harmonic_balance solves at one frequency; frequency_response takes a range")
-    limit = balance.positive("tol", UNRESOLVED if tol is None else tol)
-    options = balance.newton(tolerance, max_iterations)
+    fourier = Fourier(harmonics, n_samples, subharmonic, condense, tol)
+    newton = Newton(tolerance, max_iterations)
     if callable(force):
-        given = dict(n_samples=n_samples, subharmonic=subharmonic, condense=condense, x0=x0, **options)
-        return _of_function(system, force, float(w), harmonics, tol, given)
-    if isinstance(harmonics, str):
-        if harmonics != "auto":
-            raise ModelError(f'harmonics must be a number, a sequence or "auto", it is {harmonics!r}')
-        given = dict(
-            n_samples=n_samples,
-            subharmonic=subharmonic,
-            condense=condense,
-            **options,
-        )
-        return _automatic(system, force, float(w), x0, 1e-6 if tol is None else tol, given)
-    setup, answer = _solved(system, force, harmonics, subharmonic, n_samples, float(w), condense, x0, options, tol)
-    loose = "" if answer["converged"] or "singular" not in answer["reason"] else setup.loose_coordinate(float(w))
+        return _of_function(system, force, float(w), fourier, newton, x0)
+    return _periodic(system, force, float(w), fourier, newton, x0)
+
+
+def _periodic(system: Any, force: Any, w: float, fourier: Fourier, newton: Newton, x0: Any) -> PeriodicSolution:
+    """A solution under forces by harmonic."""
+    if fourier.automatic:
+        return _automatic(system, force, w, fourier, newton, x0)
+    started = perf_counter()
+    setup, answer = _solved(system, force, w, fourier, newton, x0)
+    loose = "" if answer["converged"] or "singular" not in answer["reason"] else setup.loose_coordinate(w)
     if loose and not np.all(np.isfinite(answer["y"])):
         raise _failure(system, answer, None, loose)
     result = PeriodicSolution(
-        setup.expand(answer["y"], float(w)),
-        float(w),
+        setup.expand(answer["y"], w),
+        w,
         setup.harmonics,
         setup.subharmonic,
         setup.n_samples,
@@ -351,11 +345,11 @@ def harmonic_balance(
         force,
         stats=Stats(perf_counter() - started, _counts(answer), effects_of(system), setup.route),
         error=answer["error"],
-        status="converged" if answer["converged"] and answer["error"] <= limit else "unresolved",
+        status="converged" if answer["converged"] and answer["error"] <= fourier.limit() else "unresolved",
     )
     if not answer["converged"]:
         raise _failure(system, answer, result, loose)
-    if _went_to_rest(system, force, setup.expand(setup.start(x0), float(w)), result.X):
+    if _went_to_rest(system, force, setup.expand(setup.start(x0), w), result.X):
         raise ConvergenceError(
             "harmonic balance went to rest: without force a conservative system has families of free vibrations, of which no single "
             "one can be solved for; give it light damping and a small force=, and follow frequency_response: its peak (.peak()) "
@@ -375,27 +369,16 @@ def _went_to_rest(system: Any, force: Any, guess: np.ndarray, X: np.ndarray) -> 
 
 
 def _solved(
-    system: Any,
-    force: Any,
-    harmonics: Any,
-    subharmonic: int,
-    n_samples: int | None,
-    omega: float,
-    condense: bool | str,
-    x0: Any,
-    options: dict[str, Any],
-    tol: float | None,
+    system: Any, force: Any, omega: float, fourier: Fourier, newton: Newton, x0: Any
 ) -> tuple[balance.Setup, dict[str, Any]]:
     """Solve; on failure restart from fewer harmonics; refine the sampling if aliasing dominates."""
-    given: dict[str, Any] = dict(subharmonic=subharmonic, n_samples=n_samples, omega=omega, condense=condense)
-    setup, answer = first_solution(system, force, harmonics, given, x0, options)
+    setup, answer = first_solution(system, force, omega, fourier, newton, x0)
     while answer["converged"]:
-        error, aliasing = answer["error"], answer["aliasing"]
-        more = balance.more_samples(setup.n_samples, error, aliasing, system.elements, n_samples, tol)
+        more = balance.more_samples(setup.n_samples, answer["error"], answer["aliasing"], system.elements, fourier)
         if more is None:
             break
-        finer = balance.prepare(system, force, harmonics, least_samples=more, **given)
-        again = balance.call_core(finer.core.solve, answer["y"], [omega], **options)
+        finer = balance.prepare(system, force, fourier, omega, least_samples=more)
+        again = balance.call_core(finer.core.solve, answer["y"], [omega], **newton.core)
         if not again["converged"]:
             break
         for name in ("iterations", "evaluations", "factorisations"):
@@ -405,72 +388,69 @@ def _solved(
 
 
 def first_solution(
-    system: Any, force: Any, harmonics: Any, given: dict[str, Any], x0: Any, options: dict[str, Any]
+    system: Any, force: Any, omega: float, fourier: Fourier, newton: Newton, x0: Any
 ) -> tuple[balance.Setup, dict[str, Any]]:
     """The core's answer from a guess or from rest; where it fails, with harmonics that grow and with more samples: too few
     make the equations of a stiff contact rough."""
     laws = balance.checked_system(system)
-    smooth = given["n_samples"] is not None or all(law.kind.polynomial for law in laws)
+    smooth = fourier.n_samples is not None or all(law.kind.polynomial for law in laws)
     for least in (0,) if smooth else (0, balance.MOST_SAMPLES // 8, balance.MOST_SAMPLES // 2):
-        setup = balance.prepare(system, force, harmonics, least_samples=least, **given)
-        answer = balance.call_core(setup.core.solve, setup.start(x0), [given["omega"]], **options)
+        setup = balance.prepare(system, force, fourier, omega, least_samples=least)
+        answer = balance.call_core(setup.core.solve, setup.start(x0), [omega], **newton.core)
         if not answer["converged"] and x0 is None:
-            finer = dict(given, least_samples=least)
-            guess = _ramped_start(system, force, setup.harmonics, finer, options)
+            guess = _ramped_start(system, force, omega, fourier, newton, least)
             if guess is not None:
-                answer = balance.call_core(setup.core.solve, setup.start(guess), [given["omega"]], **options)
+                answer = balance.call_core(setup.core.solve, setup.start(guess), [omega], **newton.core)
         if answer["converged"] or answer["broken"] is not None:
             break
     return setup, answer
 
 
 def _ramped_start(
-    system: Any, force: Any, harmonics: tuple[int, ...], given: dict[str, Any], options: dict[str, Any]
+    system: Any, force: Any, omega: float, fourier: Fourier, newton: Newton, least_samples: int
 ) -> np.ndarray | None:
     """A first guess from sets of harmonics that grow, None where no set has a solution."""
-    forced = [h * given["subharmonic"] for h in force] if isinstance(force, Mapping) else [given["subharmonic"]]
+    harmonics, nu = fourier.terms, fourier.subharmonic
+    forced = [h * nu for h in force] if isinstance(force, Mapping) else [nu]
     guess = None
     for top in (1, 2, 3, 5, 9, 17, 33, 65, 129):
         fewer = [h for h in harmonics if h <= max(top, *forced)]
         if len(fewer) == len(harmonics):
             break
-        setup = balance.prepare(system, force, fewer, **given)
-        answer = balance.call_core(setup.core.solve, setup.start(guess), [given["omega"]], **options)
+        setup = balance.prepare(system, force, fourier.but(harmonics=fewer), omega, least_samples=least_samples)
+        answer = balance.call_core(setup.core.solve, setup.start(guess), [omega], **newton.core)
         if answer["converged"]:
-            guess = setup.expand(answer["y"], given["omega"])
+            guess = setup.expand(answer["y"], omega)
     return guess
 
 
-def _automatic(system: Any, force: Any, omega: float, x0: Any, tol: float, given: dict[str, Any]) -> PeriodicSolution:
+def _automatic(system: Any, force: Any, omega: float, fourier: Fourier, newton: Newton, x0: Any) -> PeriodicSolution:
     """More harmonics until the error estimate is below the tolerance."""
     forced = max((h for h in force), default=1) if isinstance(force, Mapping) else 1
-    top, guess = max(3, int(forced)), x0
+    top, guess, tol = max(3, int(forced)), x0, fourier.limit()
     while True:
-        one = harmonic_balance(system, force=force, omega=omega, harmonics=top, x0=guess, tol=tol, **given)
+        one = _periodic(system, force, omega, fourier.but(harmonics=top, tol=tol), newton, guess)
         if one.error <= tol or top >= MOST_HARMONICS:
             return one
         top, guess = min(MOST_HARMONICS, top + max(2, top // 2)), one
 
 
-def _of_function(
-    system: Any, force: Any, omega: float, harmonics: Any, tol: float | None, given: dict[str, Any]
-) -> PeriodicSolution:
+def _of_function(system: Any, force: Any, omega: float, fourier: Fourier, newton: Newton, x0: Any) -> PeriodicSolution:
     """A force f(t), transformed; the answer of the linear part to harmonics that are not kept is added to the error."""
     balance.checked_system(system)
     series = harmonics_of(force, system.n, omega)
-    automatic, nu = isinstance(harmonics, str), given["subharmonic"]
-    limit = (1e-6 if automatic else UNRESOLVED) if tol is None else tol
-    wanted = 3 * nu if automatic else harmonics
+    nu, limit = fourier.subharmonic, fourier.limit()
+    one = fourier.but(harmonics=3 * nu) if fourier.automatic else fourier
     while True:
-        terms = balance.checked_harmonics(wanted, nu)
-        inside, outside = cut(series, {h // nu for h in terms if h % nu == 0})
-        one = harmonic_balance(system, force=inside, omega=omega, harmonics=wanted, tol=tol, **given)
-        largest = float(np.max(np.abs(one.X), initial=0.0))
+        inside, outside = cut(series, {h // nu for h in one.terms if h % nu == 0})
+        found = _periodic(system, inside, omega, one, newton, x0)
+        largest = float(np.max(np.abs(found.X), initial=0.0))
         missed = linear_size(system, outside, omega) if outside else 0.0
-        error = one.error + (missed / largest if largest else float(missed > 0.0))
-        if not automatic or error <= limit or wanted >= MOST_HARMONICS:
-            return one.replaced(error=error, status="converged" if error <= limit else "unresolved")
-        wanted, given = min(MOST_HARMONICS, wanted + max(2, wanted // 2)), {**given, "x0": one}
+        error = found.error + (missed / largest if largest else float(missed > 0.0))
+        top: Any = one.harmonics
+        if not fourier.automatic or error <= limit or top >= MOST_HARMONICS:
+            return found.replaced(error=error, status="converged" if error <= limit else "unresolved")
+        one, x0 = one.but(harmonics=min(MOST_HARMONICS, top + max(2, top // 2))), found
 
 
 def _counts(answer: dict[str, Any]) -> dict[str, int]:

@@ -20,7 +20,8 @@ from ..results import Result, Stats, derived, quantity, result
 from . import balance, condensation
 from .displacement import displacement_coefficients, label
 from .fourier import FourierMotion
-from .periodic import UNRESOLVED, effects_of
+from .options import Fourier, Newton, integer
+from .periodic import effects_of
 from .system import as_system, force_of_ports, nonlinear_system
 
 if TYPE_CHECKING:
@@ -185,7 +186,7 @@ def n_terms(p: int, m: int) -> int:
 
 
 def _diamond_of(p: int, harmonics: Any) -> np.ndarray:
-    m = balance.integer("harmonics", harmonics)
+    m = integer("harmonics", harmonics)
     if m > MOST_UNKNOWNS or 2 * n_terms(p, m) + 1 > MOST_UNKNOWNS:
         raise ModelError(f"harmonics = {checks.shown(harmonics)} with {p} frequencies are too many terms; take fewer")
     return diamond(p, m)
@@ -279,22 +280,25 @@ def quasi_periodic(
     """
     started = perf_counter()
     system, forces = sources_of(system, forces, at, without)
-    automatic = isinstance(harmonics, str)
-    if automatic and (harmonics != "auto" or indices is not None):
-        raise ModelError(f'harmonics must be a number or, without indices, "auto"; it is {harmonics!r}')
-    limit = balance.positive("tol", (1e-6 if automatic else UNRESOLVED) if tol is None else tol)
-    options = balance.newton(tolerance, max_iterations)
-    given = (static, n_samples, condense)
-    if automatic:
-        return _automatic(system, forces, given, x0, limit, options, started)
-    top: Any = harmonics
-    problem = Torus(system, forces, top, indices, *given)
-    if x0 is None and indices is None and top > 2:
+    fourier = torus_terms(harmonics, indices, n_samples, condense, tol)
+    newton = Newton(tolerance, max_iterations)
+    if fourier.automatic:
+        return _automatic(system, forces, static, fourier, newton, x0, started)
+    problem, top = Torus(system, forces, fourier, indices, static), fourier.harmonics
+    if x0 is None and indices is None and isinstance(top, int) and top > 2:
         # a small set finds the branch, the large one only refines it
-        smaller = Torus(system, forces, max(1, top // 2), None, static, None, condense)
-        answer = balance.call_core(smaller.core.solve, smaller.start(None), list(smaller.omega), **options)
-        x0 = smaller.solution(answer, limit, started) if answer["converged"] else None
-    return _solved(problem, x0, limit, options, started)
+        smaller = Torus(system, forces, fourier.but(harmonics=max(1, top // 2), n_samples=None), None, static)
+        answer = balance.call_core(smaller.core.solve, smaller.start(None), list(smaller.omega), **newton.core)
+        x0 = smaller.solution(answer, started) if answer["converged"] else None
+    return _solved(problem, newton, x0, started)
+
+
+def torus_terms(harmonics: Any, indices: Any, n_samples: Any, condense: Any, tol: Any) -> Fourier:
+    """Options of a series on a torus: the order of its combinations, or "auto" without indices."""
+    if isinstance(harmonics, str) and (harmonics != "auto" or indices is not None):
+        raise ModelError(f'harmonics must be a number or, without indices, "auto"; it is {checks.shown(harmonics)}')
+    fourier = Fourier(harmonics, n_samples, 1, condense, tol)
+    return fourier if fourier.automatic else fourier.but(tol=fourier.limit())
 
 
 def sources_of(system: Any, forces: Any, at: Any, without: Sequence[str]) -> tuple[Any, Any]:
@@ -311,12 +315,12 @@ def sources_of(system: Any, forces: Any, at: Any, without: Sequence[str]) -> tup
     return made, plain
 
 
-def _solved(problem: Torus, x0: Any, limit: float, options: dict[str, Any], started: float) -> QuasiPeriodicSolution:
+def _solved(problem: Torus, newton: Newton, x0: Any, started: float) -> QuasiPeriodicSolution:
     """A solution of one set of terms, with more samples while they are what lacks."""
     while True:
-        answer = balance.call_core(problem.core.solve, problem.start(x0), list(problem.omega), **options)
-        result = problem.solution(answer, limit, started)
-        finer = problem.finer(answer, limit) if answer["converged"] else None
+        answer = balance.call_core(problem.core.solve, problem.start(x0), list(problem.omega), **newton.core)
+        result = problem.solution(answer, started)
+        finer = problem.finer(answer) if answer["converged"] else None
         if finer is None:
             break
         problem, x0 = finer, result
@@ -330,16 +334,16 @@ def _solved(problem: Torus, x0: Any, limit: float, options: dict[str, Any], star
 
 
 def _automatic(
-    system: Any, forces: Any, given: tuple[Any, ...], x0: Any, limit: float, options: dict[str, Any], started: float
+    system: Any, forces: Any, static: Any, fourier: Fourier, newton: Newton, x0: Any, started: float
 ) -> QuasiPeriodicSolution:
     """Larger sets until the error estimate is below the tolerance, each started from the last."""
-    best, top = None, 2
+    best, top, limit = None, 2, fourier.limit()
     while True:
-        problem = Torus(system, forces, top, None, *given)
+        problem = Torus(system, forces, fourier.but(harmonics=top, tol=limit), None, static)
         if best is not None and problem.estimated_unknowns > MOST_AUTOMATIC:
             return best
         try:
-            best = _solved(problem, best if best is not None else x0, limit, options, started)
+            best = _solved(problem, newton, best if best is not None else x0, started)
         except ConvergenceError:
             if problem.estimated_unknowns > MOST_AUTOMATIC // 4:
                 raise
@@ -355,11 +359,9 @@ class Torus:
         self,
         system: Any,
         forces: Sequence[Mapping[str, Any]],
-        harmonics: int,
+        fourier: Fourier,
         indices: Any,
         static: Any,
-        n_samples: int | Sequence[int] | None,
-        condense: bool | str,
         least_samples: list[int] | None = None,
         turn: bool = True,
     ) -> None:
@@ -368,10 +370,11 @@ class Torus:
             if law.has_memory:
                 raise ModelError(f"elements[{i}], {law!r}, has a memory; quasi-periodic balance needs laws without")
         self.system, self.forces, self.static = system, forces, static
-        self.arguments = (harmonics, indices, static, n_samples, condense)
+        self.fourier = fourier
+        self._given_indices = indices
         self.omega, vectors = _sources(system.n, forces)
         p = len(self.omega)
-        self.indices = _diamond_of(p, harmonics) if indices is None else _checked(indices, p)
+        self.indices = _diamond_of(p, fourier.harmonics) if indices is None else _checked(indices, p)
         top = int(np.max(np.abs(self.indices).sum(axis=1)))
         if n_terms(p, max(top + 2, 5)) > MOST_COMBINATIONS:
             raise ModelError(
@@ -381,7 +384,7 @@ class Torus:
         extra = diamond(p, top + 2)
         kept = {tuple(k) for k in self.indices.tolist()}
         extra = np.array([k for k in extra.tolist() if tuple(k) not in kept]).reshape(-1, p)
-        self.dims = _samples(n_samples, laws, self.indices)
+        self.dims = _samples(fourier.n_samples, laws, self.indices)
         if least_samples is not None:
             self.dims = [max(n, least) for n, least in zip(self.dims, least_samples, strict=True)]
         fine = [
@@ -403,7 +406,7 @@ class Torus:
             terms[1 + at[0]] = vector
         n_c = 2 * len(self.indices) + 1
         self.terms, self.turn = terms, turn
-        self.linear = condensation.linear_part(system, laws, terms, n_c, condense, turn)
+        self.linear = condensation.linear_part(system, laws, terms, n_c, fourier.condense, turn)
         if self.linear.core.size * n_c > MOST_UNKNOWNS:
             raise ModelError(
                 f"{self.linear.core.size * n_c} unknowns are too many; take fewer harmonics or coordinates"
@@ -422,22 +425,25 @@ class Torus:
             fine,
         )
 
-    def finer(self, answer: Mapping[str, Any], limit: float) -> Torus | None:
+    def finer(self, answer: Mapping[str, Any]) -> Torus | None:
         """The same with twice the samples per dimension, where they are what limits an answer."""
         n = int(np.prod(self.dims))
         if n << len(self.dims) > MOST_SAMPLES:
             return None
-        laws, given = self.system.elements, self.arguments[3]
-        if balance.more_samples(1, answer["error"], answer["aliasing"], laws, given, limit) is None:
+        if balance.more_samples(1, answer["error"], answer["aliasing"], self.system.elements, self.fourier) is None:
             return None
-        return Torus(
-            self.system, self.forces, *self.arguments, least_samples=[2 * n for n in self.dims], turn=self.turn
-        )
+        return self.of_system(self.system, [2 * n for n in self.dims])
+
+    def of_system(self, system: Any, least_samples: list[int] | None = None) -> Torus:
+        """The same forces and terms with another system, or with more samples."""
+        return Torus(system, self.forces, self.fourier, self._given_indices, self.static, least_samples, self.turn)
 
     def member(self, system: Any) -> tuple[Any, Any]:
         """Linear part and elements of another system under the same forces, for the core."""
         laws = balance.checked_system(system)
-        linear = condensation.linear_part(system, laws, self.terms, 2 * len(self.indices) + 1, self.arguments[4], False)
+        linear = condensation.linear_part(
+            system, laws, self.terms, 2 * len(self.indices) + 1, self.fourier.condense, False
+        )
         return linear.core, balance.core_elements(laws, linear.directions)
 
     def _refuse_periodic(self, top: int) -> None:
@@ -478,7 +484,7 @@ class Torus:
         X = balance.call_core(self.core.expand, y, omega.tolist(), level)
         return X if self.linear.transform is None else self.linear.transform @ X
 
-    def solution(self, answer: Mapping[str, Any], limit: float, started: float) -> QuasiPeriodicSolution:
+    def solution(self, answer: Mapping[str, Any], started: float) -> QuasiPeriodicSolution:
         """An answer of the core as a result."""
         counts = {key: answer[key] for key in ("iterations", "evaluations", "factorisations")}
         return QuasiPeriodicSolution(
@@ -491,7 +497,7 @@ class Torus:
             self.static,
             stats=Stats(perf_counter() - started, counts, effects_of(self.system), self.linear.route),
             error=answer["error"],
-            status="converged" if answer["converged"] and answer["error"] <= limit else "unresolved",
+            status="converged" if answer["converged"] and answer["error"] <= self.fourier.limit() else "unresolved",
         )
 
 

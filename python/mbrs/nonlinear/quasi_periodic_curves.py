@@ -16,11 +16,11 @@ from ..errors import Interrupted, ModelError
 from ..model.book import Book
 from ..results import Result, Stats, derived, quantity, result
 from . import balance
-from .branch_options import PREDICTORS
 from .branch_points import MEANING, STATUS
 from .displacement import label
-from .periodic import UNRESOLVED, effects_of
-from .quasi_periodic import MOST_AUTOMATIC, QuasiPeriodicSolution, Torus, sources_of
+from .options import Continuation
+from .periodic import effects_of
+from .quasi_periodic import MOST_AUTOMATIC, QuasiPeriodicSolution, Torus, sources_of, torus_terms
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -68,7 +68,7 @@ class QuasiPeriodicResponse(Result):
     @property
     @derived(dims=("point",), name="parameter")
     def _parameter(self) -> np.ndarray:
-        return self.along[1]
+        return self.axis()[0]
 
     def data_state(self) -> dict[str, Any]:
         return {**super().data_state(), "family": None}
@@ -93,12 +93,9 @@ class QuasiPeriodicResponse(Result):
         """Quantity that varies along the branch: "scale", "level", "omega0" (a base frequency), or "value"."""
         return self.parameter
 
-    def abscissa(self) -> tuple[np.ndarray, str, np.ndarray]:
-        """Abscissa of the branch, its name, and that of the folds."""
-        name, x = self.along
-        return x, name, np.array(self.fold_places, dtype=float)
-
-    def ordinates(self, dof: Displacement = 0, index: Any = None) -> list[tuple[str, np.ndarray, np.ndarray]]:
+    def ordinates(
+        self, dof: Displacement = 0, index: Sequence[int] | None = None
+    ) -> list[tuple[str, np.ndarray, np.ndarray]]:
         """Name, amplitude and amplitude at the folds of the term ``index``, or of one term for each force."""
         chosen = np.eye(self.omega.shape[1], dtype=int).tolist() if index is None else [list(index)]
         return [
@@ -121,7 +118,7 @@ class QuasiPeriodicResponse(Result):
 
     def rows(self) -> tuple[list[str], list[list[Any]]]:
         """Columns and rows of the table: ends and folds."""
-        x, name, marks = self.abscissa()
+        (x, name), marks = self.axis(), self.fold_places
         moving = int(np.argmax(np.linalg.norm(self.X, axis=(0, 2))))
         terms = self.ordinates(moving)
         heads = ["point", name, *(f"|{self.label(moving)}|, {text}" for text, _, _ in terms), "error"]
@@ -137,14 +134,13 @@ class QuasiPeriodicResponse(Result):
             f"{len(self.folds)} folds, largest estimated error {np.max(self.error):.1e}"
         )
 
-    @property
-    def along(self) -> tuple[str, np.ndarray]:
-        """Parameter of the branch: its name, and its values (n,)."""
+    def axis(self) -> tuple[np.ndarray, str]:
+        """Abscissa of the branch, (n,), and its name; that of the folds is ``fold_places``."""
         if self.value is not None:
-            return "value", self.value
+            return self.value, "value"
         if self.parameter.startswith("omega"):
-            return f"omega[{self.parameter[5:]}]", self.omega[:, int(self.parameter[5:])]
-        return ("force level", self.level) if self.parameter == "level" else ("factor on the frequencies", self.scale)
+            return self.omega[:, int(self.parameter[5:])], f"omega[{self.parameter[5:]}]"
+        return (self.level, "force level") if self.parameter == "level" else (self.scale, "factor on the frequencies")
 
 
 def quasi_periodic_response(
@@ -208,32 +204,23 @@ def quasi_periodic_response(
     'converged'
     """
     started = perf_counter()
-    automatic = isinstance(harmonics, str)
-    if automatic and (harmonics != "auto" or indices is not None):
-        raise ModelError(f'harmonics must be a number or, without indices, "auto"; it is {checks.shown(harmonics)}')
-    limit = balance.positive("tol", (1e-6 if automatic else UNRESOLVED) if tol is None else tol)
+    fourier = torus_terms(harmonics, indices, n_samples, condense, tol)
+    # the exponents of a motion on a torus are not computed
+    steps = Continuation(predictor, corrector, step, min_step, max_step, tolerance, stability=False)
+    automatic, limit = fourier.automatic, fourier.limit()
     most = checks.count("max_points", max_points, 10_000_000)
-    limits = balance.steps(step, min_step, max_step)
     if callable(system):
         if at is not None or tuple(without):
             raise ModelError("at= and without= are for models; a function of the value returns matrices")
     else:
         system, forces = sources_of(system, forces, at, without)
     way = _way(system, forces, scale, level, value)
-    options: dict[str, Any] = dict(
-        predictor=checks.choice("predictor", predictor, PREDICTORS),
-        corrector=checks.choice("corrector", corrector, ("pseudo-arclength", "arclength", "moore-penrose")),
-        first_step=limits[0],
-        least_step=limits[1],
-        largest_step=limits[2],
-        tolerance=balance.positive("tolerance", tolerance),
-        stability=False,
-        events=True,
-    )
     top: Any = 3 if automatic else harmonics
     while True:
-        problem = Torus(way.system, way.forces, top, indices, static, n_samples, condense, turn=way.family is None)
-        parts = _followed(problem, way, x0, options, most)
+        problem = Torus(
+            way.system, way.forces, fourier.but(harmonics=top, tol=limit), indices, static, turn=way.family is None
+        )
+        parts = _followed(problem, way, x0, steps, most)
         curve = _collect(problem, way, parts, limit, perf_counter() - started)
         enough = not automatic or np.all(curve.error <= limit) or problem.estimated_unknowns > MOST_AUTOMATIC
         if parts[-1]["status"] == "interrupted":
@@ -311,7 +298,7 @@ def _checked_scale(scale: Any) -> float:
     return fixed
 
 
-def _followed(problem: Torus, way: _Way, x0: Any, options: dict[str, Any], most: int) -> list[dict[str, Any]]:
+def _followed(problem: Torus, way: _Way, x0: Any, steps: Continuation, most: int) -> list[dict[str, Any]]:
     a, b = way.ends
     if way.family is not None:
         family = way.family
@@ -326,7 +313,7 @@ def _followed(problem: Torus, way: _Way, x0: Any, options: dict[str, Any], most:
         a,
         a,
         b,
-        **options,
+        **steps.core,
     )
     parts: list[dict[str, Any]] = []
     n = 0
@@ -369,7 +356,7 @@ def _collect(
         w, at_level, _ = _where(problem, way, x)
         if way.family is None or problem.linear.route == "full":
             return problem.expand(row, w, at_level)
-        there = Torus(way.family(x), problem.forces, *problem.arguments, turn=False)
+        there = problem.of_system(way.family(x))
         return there.expand(row, w, at_level)
 
     X = np.array([expanded(row, float(x)) for row, x in zip(y, p, strict=True)])

@@ -15,6 +15,7 @@ from ..results import Result, derived, quantity, result
 from . import balance
 from .branch_points import MEANING, Event
 from .displacement import displacement_coefficients, label, weigh, weights
+from .options import integer
 from .periodic import PeriodicSolution
 
 if TYPE_CHECKING:
@@ -291,7 +292,7 @@ class FrequencyResponse(Result):
         if self.branch is None:
             raise ModelError("this curve has no branch to go on with: a set of frequencies has none; give a range")
         started = perf_counter()
-        self.branch.follow(len(self.branch.chunks) + balance.integer("max_points", max_points), None)
+        self.branch.follow(len(self.branch.chunks) + integer("max_points", max_points), None)
         made: FrequencyResponse = self.branch.curve(perf_counter() - started + self.stats.wall_time)
         return made
 
@@ -318,11 +319,11 @@ class FrequencyResponse(Result):
 
         return multipliers(self)
 
-    def table(self, *dofs: Any) -> str:
+    def table(self, *dofs: Displacement) -> str:
         """The table of ``print(curve)`` for other displacements, such as ``curve.table(body.motion("z"))``."""
         return table(*self.rows(dofs), title=self.heading(), footer="amplitudes of the first harmonic", digits=7)
 
-    def rows(self, dofs: Sequence[Any] = ()) -> tuple[list[str], list[list[Any]]]:
+    def rows(self, dofs: Sequence[Displacement] = ()) -> tuple[list[str], list[list[Any]]]:
         """Columns and rows of the table: ends, largest amplitudes and events, in the order of the curve.
 
         ``dofs``: displacements to show; by default the three of those that are driven or touched by nonlinear elements that move

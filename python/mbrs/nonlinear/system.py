@@ -10,6 +10,7 @@ import numpy as np
 
 from .._lib import checks
 from ..errors import ModelError
+from ..linear.linear_system import relaxes
 from ..linear.linearization import Linearization
 from ..linear.linearize import linearization_at, matrices_at
 from ..linear.matrices import MechanicalSystem
@@ -92,6 +93,8 @@ def nonlinear_system(m: Model, *, at: StateLike = None, without: Sequence[str] =
     state = state_of(m, snapshot.system, at)
     r = matrices_at(snapshot, state, [*without, "law-slopes"])
     lin = linearization_at(snapshot, state, r, without, started, warn=at is None)
+    if any(air.unsteady() for air in m.airs) and "aerodynamics" not in without:
+        raise relaxes(f"the air {m.airs[0].name!r}")
     elements: list[Any] = []
     for place in law_places(lin):
         elements += _elements(lin, place)

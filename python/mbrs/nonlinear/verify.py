@@ -10,7 +10,6 @@ import numpy as np
 from .._lib import checks
 from ..errors import ModelError
 from . import condensation, midpoint
-from .balance import positive
 from .verify_full import Distance, distances
 
 LARGEST_EXPLICIT = 60
@@ -31,12 +30,12 @@ def verify_torus(solution: Any, cycles: float, rtol: float, full: bool | None) -
     terms = [(float(w), f["force"]) for f, w in zip(solution.forces, solution.omega, strict=True)]
     if solution.static is not None:
         terms.append((0.0, solution.static))
-    length = positive("cycles", cycles) * 2 * np.pi / float(np.min(solution.omega))
+    length = checks.positive("cycles", cycles) * 2 * np.pi / float(np.min(solution.omega))
     return distances(distance_on_torus(solution, cycles, rtol), solution, terms, length, rtol, full)
 
 
 def _checked(rtol: Any, full: Any) -> tuple[float, bool | None]:
-    if positive("rtol", rtol) > 0.1:
+    if checks.positive("rtol", rtol) > 0.1:
         raise ModelError(f"rtol = {rtol} is of the integration in time; it must be below 0.1")
     return float(rtol), None if full is None else checks.flag("full", full)
 

@@ -14,9 +14,11 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+    from .protocols import HasWhirl
+
 
 def campbell(
-    result: Any,
+    result: HasWhirl,
     *,
     orders: tuple[float, ...] = (1.0, 2.0),
     most: int = 16,

@@ -94,7 +94,7 @@ def _finite(name: str, value: Any) -> float:
     return number
 
 
-def over_time(traj: Any, of: str, *, ax: Axes | None = None) -> Figure:
+def over_time(traj: Any, of: Any, *, ax: Axes | None = None) -> Figure:
     """The derivatives of a quantity of a trajectory over time: a panel for each parameter, a line for each component.
 
     ``of`` names the quantity as in `Trajectory.sensitivity`; with ``ax`` only the first parameter is drawn, there.

@@ -13,6 +13,9 @@ from .figure import FADED, PALETTE, canvas, colours, figure, legend, log_frequen
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from numpy.typing import ArrayLike
+
+    from .protocols import HasModes, HasOutputs, HasTransfer
 
 __all__ = ["frf", "modes", "response"]
 
@@ -21,11 +24,11 @@ _MOST_TICKS = 40
 
 
 def modes(
-    result: Any,
+    result: HasModes,
     view: str = "poles",
     *,
     n: int | None = None,
-    against: Any = None,
+    against: HasModes | tuple[ArrayLike, ArrayLike] | None = None,
     ax: Axes | None = None,
     label: str | None = None,
 ) -> Figure:
@@ -144,7 +147,7 @@ def _participation(made: Any, axes: Any, result: Any, n: int) -> None:
 
 
 def frf(
-    result: Any, kind: str = "bode", *, marks: Any = (), ax: Axes | None = None, label: str | None = None
+    result: HasTransfer, kind: str = "bode", *, marks: ArrayLike = (), ax: Axes | None = None, label: str | None = None
 ) -> Figure:
     """A transfer function as Bode or Nyquist plot; with many curves the ten largest are coloured and the others grey.
 
@@ -251,7 +254,7 @@ def _mark_peak(axes: Any, curve: Curve, frequency: np.ndarray, colour: str) -> N
     axes.annotate(f"{frequency[i]:.4g} Hz", place, (6, -12), textcoords="offset points", fontsize=8, color=colour)
 
 
-def response(result: Any, *, ax: Axes | None = None, label: str | None = None) -> Figure:
+def response(result: HasOutputs, *, ax: Axes | None = None, label: str | None = None) -> Figure:
     """Outputs over time: one axes up to ten curves, above that the ten largest coloured and the others grey.
 
     ``result``: a `ResponseResult` with ``t`` (n_t,) s, ``value`` (n_out, n_t), ``outputs`` (names). ``ax``,

@@ -226,7 +226,7 @@ def multipliers(result: Any) -> Any:
 
 def torus_branch(result: Any, dof: Any = 0, index: Any = None, *, ax: Axes | None = None) -> Figure:
     """Amplitudes of terms of a quasi-periodic branch, folds marked."""
-    x, name, marks = result.abscissa()
+    (x, name), marks = result.axis(), np.array(result.fold_places, dtype=float)
     with style():
         made, axes = canvas(ax)
         terms = result.ordinates(dof, index)

@@ -15,10 +15,12 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+    from .protocols import HasEffectRuns, HasFrequencyRates, HasLines
+
 __all__ = ["accuracy", "effects", "tornado"]
 
 
-def tornado(sensitivity: Any, mode: int = 0, *, most: int = 20, ax: Axes | None = None) -> Figure:
+def tornado(sensitivity: HasFrequencyRates, mode: int = 0, *, most: int = 20, ax: Axes | None = None) -> Figure:
     """Bars of the change of one natural frequency for a small change of each parameter, the largest on top.
 
     Parameters
@@ -55,7 +57,7 @@ def tornado(sensitivity: Any, mode: int = 0, *, most: int = 20, ax: Axes | None 
     return made
 
 
-def accuracy(study: Any, *, ax: Axes | None = None) -> Figure:
+def accuracy(study: HasLines, *, ax: Axes | None = None) -> Figure:
     """Measured error against measured time, both logarithmic, one line for each categorical setting of the study.
 
     ``study``: an `AccuracyStudy`; its ``lines()`` gives (label, points), each point with ``time`` (s), ``error`` and
@@ -86,7 +88,7 @@ def accuracy(study: Any, *, ax: Axes | None = None) -> Figure:
     return made
 
 
-def effects(study: Any, *, ax: Axes | None = None) -> Figure:
+def effects(study: HasEffectRuns, *, ax: Axes | None = None) -> Figure:
     """Change of the result and time saved when each effect is left out, as bars side by side. Returns a Figure."""
     rows = [row for row in study.runs if np.isfinite(row.change)]
     if not rows:

@@ -81,7 +81,7 @@ def nominal_motion(sys: System, state: State, part: Partition) -> Nominal:
     return Nominal(state, T, dT, jets.derivative(2), rates, a)
 
 
-def turned(sys: System, spin: Array, X: Array) -> Array:
+def spin_terms(sys: System, spin: Array, X: Array) -> Array:
     """spin (nb, 3) cross the rotation rows of X, zero in the translation rows."""
     out = np.zeros_like(X, dtype=np.result_type(X, spin))
     for i in range(sys.nb):
@@ -155,8 +155,8 @@ def linearize(
 def perturbed(sys: System, base: Nominal) -> Moving:
     """The motion with derivatives along y, y' and y"."""
     T, dT, spin, turn = base.T, base.dT, base.state.w, split(base.a)[1]
-    dv = dT - turned(sys, spin, T)
-    da = base.ddT - turned(sys, spin, dT) - turned(sys, turn, T)
+    dv = dT - spin_terms(sys, spin, T)
+    da = base.ddT - spin_terms(sys, spin, dT) - spin_terms(sys, turn, T)
     zero = np.zeros_like(T)
     changes = ((T, zero, zero), (dv, T, zero), (da, dT + dv, T))
     return moving(base.state, base.a, *(np.hstack(parts).T for parts in changes))

@@ -178,11 +178,11 @@ def simulate(
         [t.start + k for t in sys.tree if t.turns_freely for k in range(len(t.coordinates) - 3, len(t.coordinates))]
     )
 
-    def turned(t: float, z: Array) -> float:
+    def radian_left(t: float, z: Array) -> float:
         """Zero where a rotation vector has come a radian far: there the increments begin anew."""
         return 1.0 - float(np.max(np.abs(z[free]), initial=0.0)) if len(free) else 1.0
 
-    turned.terminal = True  # type: ignore[attr-defined]
+    radian_left.terminal = True  # type: ignore[attr-defined]
     history = History([start if isinstance(start, Instant) else begin(sys, start)])
     now = history.instants[-1]
     for end in np.asarray(times, dtype=float):
@@ -196,7 +196,7 @@ def simulate(
 
             z = np.concatenate([np.zeros(sys.ny), now.motion.rate])
             atol = 1e-2 * rtol * max(1.0, float(np.max(np.abs(z), initial=0.0)))
-            found = solve_ivp(slope, (now.t, end), z, method=method, rtol=rtol, atol=atol, events=turned)
+            found = solve_ivp(slope, (now.t, end), z, method=method, rtol=rtol, atol=atol, events=radian_left)
             y, rate = np.split(found.y[:, -1], 2)
             m = Motion(advance(sys, now.motion.state, y), rate, now.motion.memory)
             now = advance_memory(sys, consistent(sys, float(found.t[-1]), m))

@@ -13,7 +13,10 @@ from .._lib.border import core_errors
 from ..errors import ModelError
 
 if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
     from scipy.optimize import OptimizeResult
+
+    from .._lib.aliases import Sparse
 
 _F1 = NDArray[np.float64]
 
@@ -82,7 +85,7 @@ def root(
     maxiter: int = 500,
     maxfev: int | None = None,
     memory: int | str | None = "auto",
-    sparsity: Any = None,
+    sparsity: ArrayLike | Sparse | None = None,
     fd_step: float = 1e-7,
     fallback: bool = True,
     restarts: int = 1,

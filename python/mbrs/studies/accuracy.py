@@ -160,12 +160,12 @@ class AccuracyStudy(Result):
 
 def accuracy_study(
     fun: Callable[..., Any],
-    *args: Any,
-    reference: Any = None,
+    *args: object,
+    reference: object = None,
     repeat: int = 3,
     measure: Callable[[Any, Any], float] | None = None,
     vary: Sequence[str] = (),
-    **settings: Any,
+    **settings: object,
 ) -> AccuracyStudy:
     """Run ``fun(*args, **one)`` for every combination of settings and measure its error and its time.
 

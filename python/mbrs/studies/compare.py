@@ -288,13 +288,7 @@ def _alike(a: np.ndarray, b: np.ndarray) -> float:
 def _of_forces(result: FrfResult | ResponseResult) -> tuple[Any, Any, Any, LinearSystem]:
     """The reference's M, C + G and K + N of a linear system that forces alone excite."""
     linear = result.linear
-    if (
-        linear is None
-        or linear.shared
-        or linear.D0 is not None
-        or np.any(linear.order_in)
-        or linear.relaxation is not None
-    ):
+    if linear is None or linear.shared or linear.D0 is not None or np.any(linear.order_in) or linear.states is not None:
         raise ModelError(
             "responses to forces alone, of laws without states of their own, are compared: base motion enters the reference in no "
             "other way"

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
+from .._lib.checks import names as names_of
 from .._lib.progress import Progress
 from .._lib.text import Block, si
 from ..errors import Interrupted, MbrsError, ModelError
@@ -114,11 +115,11 @@ class EffectStudy(Result):
 def effect_study(
     fun: Callable[..., Any],
     model: Model,
-    *args: Any,
+    *args: object,
     repeat: int = 3,
     measure: Callable[[Any, Any], float] | None = None,
     effects: Sequence[str] | None = None,
-    **settings: Any,
+    **settings: object,
 ) -> EffectStudy:
     """Run an analysis with each effect that is on switched off in turn: what changes, and what it saves.
 
@@ -153,7 +154,7 @@ def effect_study(
     -----
     Cost: ``repeat`` x (number of rows + 1) + 1 runs.
     """
-    off = tuple(settings.pop("without", ()))
+    off = names_of("without", settings.pop("without", ()))
     names = tuple(effects) if effects is not None else _effects_on(model, fun)
     keywords = {**settings, **({"without": off} if off else {})}
     try:

@@ -51,7 +51,7 @@ class State:
     acceleration: np.ndarray = field(default_factory=lambda: np.zeros(0))
     turn: np.ndarray | None = None
     frame: str = ""
-    air: Any = None
+    air: object | None = None
 
     @property
     def moving(self) -> bool:

@@ -84,13 +84,13 @@ def lighter(vertices: np.ndarray, triangles: np.ndarray, most: int) -> tuple[np.
         _, first, merged = np.unique(key, axis=0, return_index=True, return_inverse=True)
         made = merged.reshape(-1)[triangles]
         kept = (made[:, 0] != made[:, 1]) & (made[:, 1] != made[:, 2]) & (made[:, 2] != made[:, 0])
-        made = np.unique(_turned(made[kept]), axis=0)
+        made = np.unique(_from_smallest(made[kept]), axis=0)
         if len(made) <= most or cells <= _COARSEST:
             return vertices[first], made
         cells = _FINEST if cells > _FINEST else int(cells / 1.3)
 
 
-def _turned(triangles: np.ndarray) -> np.ndarray:
+def _from_smallest(triangles: np.ndarray) -> np.ndarray:
     """Each triangle from its smallest index on, so that equal ones are equal."""
     start = np.argmin(triangles, axis=1)[:, None] if len(triangles) else np.zeros((0, 1), dtype=int)
     return np.take_along_axis(triangles, (start + np.arange(3)) % 3, axis=1)

@@ -76,7 +76,7 @@ def modes(
     select: int | None = None,
     phase: float | None = None,
     title: str = "Modes",
-) -> Any:
+) -> Path | Viewer:
     """Mode shapes in motion: each body moves with Re(phi exp(i omega t)), its rotation included.
 
     Drawn at amplitude 1, the fastest point of a mode moves by a tenth of the size of the scene, but no body turns by

@@ -6,7 +6,7 @@ import base64
 import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypedDict
 
 import numpy as np
 
@@ -22,6 +22,16 @@ _FRAMES = (2, 1200)
 _PER_SECOND = 60.0
 
 
+class MotionPage(TypedDict, total=False):
+    """Options of the page of a motion."""
+
+    pace: float | None
+    at: float | None
+    paths: Sequence[Any] | None
+    title: str | None
+    follow: Any
+
+
 def motion(
     traj: Any,
     path: str | Path | None = None,
@@ -31,7 +41,7 @@ def motion(
     paths: Sequence[Any] | None = None,
     title: str | None = None,
     follow: Any = None,
-) -> Any:
+) -> Path | Viewer:
     """The motion of all bodies, with play, pause, speed and time to drag: bodies glow as fast as they move.
 
     Between outputs of the trajectory frames follow cubics that have its velocities; name output times (``t=[...]`` of

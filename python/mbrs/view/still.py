@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 from .drawing import scene_data
 from .modes import Viewer
 from .scene import SceneGeometry
 
+if TYPE_CHECKING:
+    from .modes import Viewer
+
 __all__ = ["still"]
 
 
-def still(scene: SceneGeometry, path: str | Path | None = None, *, title: str = "Model") -> Any:
+def still(scene: SceneGeometry, path: str | Path | None = None, *, title: str = "Model") -> Path | Viewer:
     """A page of a scene that does not move: joints by their kind, springs, ground, loads, each with its name under the pointer.
 
     Parameters

@@ -4,6 +4,7 @@ pub mod filaments;
 mod kernels;
 pub mod polar;
 pub mod section;
+pub mod unsteady;
 
 #[cfg(test)]
 mod tests;

@@ -40,7 +40,6 @@ pub struct Directional {
     pub dy: Vec<f64>,
     /// derivative of the poses of the centres of mass: translation and world rotation, bodies in the order of the model
     pub body_motion: Vec<f64>,
-    pub residual: DVector<f64>,
     pub lam: Vec<f64>,
 }
 
@@ -416,20 +415,15 @@ fn derivative_at(
     let moved = dual_scene(setting, base, dx, &dy, rates)?;
     let scene = moved.scene(setting);
     let tau = scene.residual(None);
-    let (matrices, residual, lam, loops) = match &base.loops {
-        None => (unreduced(scene.tangent(None, &mut Counts::default())), tau, DVector::zeros(0), None),
+    let (matrices, lam, loops) = match &base.loops {
+        None => (unreduced(scene.tangent(None, &mut Counts::default())), DVector::zeros(0), None),
         Some(l) => {
             let jacobian = scene.constraints().1;
             let b = l.dependent_map(&jacobian);
             check_agreement(setting.system, base, &moved, &jacobian, &b)?;
             let lam = l.multipliers(&jacobian, &tau);
             let tangent = scene.tangent(Some(lam.as_slice()), &mut Counts::default());
-            (
-                reduce(&tangent, l, &b, moved.turning.as_ref(), setting.effects),
-                l.reduce_vector(&tau, &b),
-                lam,
-                Some((l, b)),
-            )
+            (reduce(&tangent, l, &b, moved.turning.as_ref(), setting.effects), lam, Some((l, b)))
         }
     };
     let (map, coupling) = if request.maps {
@@ -446,7 +440,6 @@ fn derivative_at(
         body_map: map,
         ground_coupling: coupling,
         body_motion: body_motion(setting.system, &moved.placement),
-        residual: residual.map(|v| v.eps),
         lam: lam.iter().map(|v| v.eps).collect(),
         dy,
     })

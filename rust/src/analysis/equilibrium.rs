@@ -18,7 +18,10 @@ use crate::system::assemble::Effects;
 use crate::system::closure::close;
 use crate::system::loops::column_scales;
 use crate::system::placement::{State, advance, place};
-use crate::tolerances::equilibrium::{ENTRY_ROUNDING, GRADED, NO_STIFFNESS, PUSHED, SETTLED, UNLOADED};
+use crate::tolerances::equilibrium::{
+    BALANCED, ENTRY_ROUNDING, FALLS, GRADED, NEARLY_BALANCED, NO_POTENTIAL, NO_STIFFNESS, PUSHED, SETTLED, SMALL_STEP,
+    UNLOADED,
+};
 
 const MAX_ITERATIONS: usize = 400;
 /// Iterations, and steps that were shortened, after which descent in energy takes over from Newton's method.
@@ -37,14 +40,19 @@ pub(super) const LONGEST_STEP: f64 = 0.4;
 const PUSH: f64 = 0.05;
 const MAX_PUSHES: usize = 20;
 
+/// A place at which all forces balance, and how well it is known.
 pub struct Equilibrium {
+    /// the place
     pub state: State,
+    /// the matrices there
     pub linearization: Linearization,
     /// largest unbalanced generalised force over the size of all forces
     pub residual: f64,
     /// estimated distance to the exact equilibrium, radians or characteristic lengths
     pub error: f64,
+    /// steps of the search
     pub iterations: usize,
+    /// no displacement has a negative stiffness beyond rounding
     pub stable: bool,
     /// names of the coordinates that dominate each unrestrained direction
     pub free_directions: Vec<String>,
@@ -164,12 +172,12 @@ impl Local {
     }
 
     fn conservative(&self) -> bool {
-        self.skew_below(1e-7, 0.0)
+        self.skew_below(NO_POTENTIAL, 0.0)
     }
 
     /// Off balance rotations about three axes make K skew by the moments that are left: no sign of missing potential.
     fn may_be_conservative(&self) -> bool {
-        self.skew_below(1e-7, 2.0)
+        self.skew_below(NO_POTENTIAL, 2.0)
     }
 }
 
@@ -208,7 +216,7 @@ impl Spectrum {
 
     /// No stiffness is negative beyond rounding.
     fn stable(&self) -> bool {
-        self.values.iter().zip(&self.none).all(|(v, none)| *v >= -1e-9 / NO_STIFFNESS * none)
+        self.values.iter().zip(&self.none).all(|(v, none)| *v >= -FALLS / NO_STIFFNESS * none)
     }
 }
 
@@ -317,10 +325,10 @@ fn search(
             }
         }
         let step = newton_step(&local, &spectrum, sigma)?;
-        let near = residual <= 1e-11 && step.amax() <= 1e-9;
-        let done = residual <= 1e-14 || step.amax() <= 1e-14 || near;
+        let near = residual <= NEARLY_BALANCED && step.amax() <= SMALL_STEP;
+        let done = residual <= BALANCED || step.amax() <= BALANCED || near;
         if done || local.is_rounding() {
-            if residual > 1e-15 && residual.is_finite() {
+            if residual > 4.0 * f64::EPSILON && residual.is_finite() {
                 // one last step costs nothing and takes the iterate to rounding level
                 let polished = moved(system, &state, &local, &step, 1.0, effects, counts)?;
                 let next = Local::at(system, &polished, effects, counts)?;

@@ -19,14 +19,12 @@ use crate::system::connector::{Wanted, load_interaction};
 use crate::system::placement::State;
 
 use super::equilibrium::{LONGEST_STEP, Local, Spectrum, moved};
+use crate::tolerances::equilibrium::{ENERGY_ROUNDING, SHORTEST_DESCENT};
 
 /// Least part of the promised fall of the energy.
 const TAKEN: f64 = 0.05;
-const SHORTEST: f64 = 1e-9;
 /// Of a translation, in characteristic lengths.
 const LONGEST_TRAVEL: f64 = 1e3;
-/// What rounding leaves of an energy.
-const ROUNDING: f64 = 1e-14;
 
 /// Energies of springs and gravity in one state, and the loads there.
 struct Level {
@@ -93,12 +91,12 @@ impl<'s> Descent<'s> {
         counts: &mut Counts,
     ) -> Result<Option<(State, Local)>> {
         let start = self.level(state);
-        while self.radius > SHORTEST {
+        while self.radius > SHORTEST_DESCENT {
             counts.add("descent steps", 1);
             let limits = self.limits(local);
             let (sigma, p) = shortened(spectrum, &local.r, &limits);
             let promised = local.r.dot(&p) + 0.5 * p.dot(&(&local.k * &p));
-            let noise = ROUNDING * start.size;
+            let noise = ENERGY_ROUNDING * start.size;
             let good = |rise: f64| rise <= TAKEN * promised + noise;
             let found = self.tried(state, local, &p, &start, counts)?;
             let found = match found {

@@ -15,10 +15,8 @@ use crate::error::{Error, Result};
 use crate::linalg::hessenberg::Hessenberg;
 use crate::linalg::quadratic::{NormalForm, Quadratic};
 use crate::run::{Cancel, Counts};
+use crate::tolerances::frequency_response::{ACCEPTED, SAME_POLE, SLOWEST_CHECK, WORST_ACCEPTED};
 
-/// A route is taken where it agrees with refined direct solves this well, or as well as unrefined ones do.
-const ACCEPT: f64 = 1e-11;
-const WORST_ACCEPTED: f64 = 1e-9;
 /// Complex modes with worse conditioned vectors are not worth a check.
 const WORST_VECTORS: f64 = 1e7;
 
@@ -43,13 +41,13 @@ impl Route {
 
 /// Everything that does not depend on frequency or ports.
 pub struct Reduction {
-    pub q: Quadratic,
-    pub normal: Option<NormalForm>,
-    pub real: Option<RealModes>,
-    pub complex: Option<ComplexModes>,
+    pub(crate) q: Quadratic,
+    pub(crate) normal: Option<NormalForm>,
+    pub(crate) real: Option<RealModes>,
+    pub(crate) complex: Option<ComplexModes>,
     hessenberg: OnceLock<Hessenberg>,
     scale: Vec<f64>,
-    pub counts: Counts,
+    pub(crate) counts: Counts,
 }
 
 pub struct Values {
@@ -64,6 +62,7 @@ pub struct Values {
 }
 
 impl Reduction {
+    /// What all frequencies share: the normal form, and modes where these are accurate. O(n^3).
     pub fn new(q: Quadratic) -> Result<Self> {
         let mut counts = Counts::default();
         let normal = q.normal_form();
@@ -156,7 +155,7 @@ impl Reduction {
         for route in self.routes(ports) {
             let evaluator = self.prepare(route, ports, counts);
             let error = measured(&evaluator);
-            if error.is_nan() || error <= (10.0 * plain).clamp(ACCEPT, WORST_ACCEPTED) {
+            if error.is_nan() || error <= (10.0 * plain).clamp(ACCEPTED, WORST_ACCEPTED) {
                 return (route, evaluator, error);
             }
         }
@@ -187,7 +186,7 @@ impl Reduction {
         }
         let sizes = || modes.pole.iter().map(|s| s.norm());
         let (slow, fast) = (sizes().fold(f64::MAX, f64::min), sizes().fold(0.0, f64::max));
-        let slow = slow.max(1e-6 * fast);
+        let slow = slow.max(SLOWEST_CHECK * fast);
         let omega: Vec<f64> = (0..5).map(|k| slow * (fast / slow).powf(k as f64 / 4.0)).collect();
         let checks = self.references(ports, &omega, &[0, 1, 2, 3, 4], counts);
         let evaluator = complex_evaluator(form, modes, ports, self.q.n());
@@ -357,7 +356,7 @@ fn lowest<T: Copy>(values: &[T], keep: usize, size: impl Fn(T) -> f64) -> Vec<us
         return (0..values.len()).collect();
     }
     sizes.sort_by(f64::total_cmp);
-    let limit = sizes[keep - 1] * (1.0 + 1e-9);
+    let limit = sizes[keep - 1] * (1.0 + SAME_POLE);
     (0..values.len()).filter(|k| size(values[*k]) <= limit).collect()
 }
 

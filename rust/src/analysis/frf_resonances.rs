@@ -2,18 +2,14 @@
 use faer::c64;
 
 use crate::linalg::dense::exceeds;
-
-/// Poles nearer to each other than this, relative, make one peak.
-const SAME_PEAK: f64 = 1e-9;
-/// A peak shows where it exceeds the values beside it by more than this factor.
-const SHOWS: f64 = 1.05;
+use crate::tolerances::frequency_response::{SAME_POLE, SHOWS};
 
 /// Poles in a range of rad/s that make a peak (damping ratio below 1/sqrt 2), repeated ones once.
 pub fn resonances(poles: &[c64], low: f64, high: f64) -> Vec<c64> {
     let peaks = |p: &c64| low <= p.im && p.im <= high && p.im > p.re.abs();
     let mut found: Vec<c64> = poles.iter().copied().filter(peaks).collect();
     found.sort_by(|a, b| a.im.total_cmp(&b.im).then(a.re.total_cmp(&b.re)));
-    found.dedup_by(|p, kept| (*p - *kept).norm() <= SAME_PEAK * p.norm());
+    found.dedup_by(|p, kept| (*p - *kept).norm() <= SAME_POLE * p.norm());
     found
 }
 
@@ -45,4 +41,21 @@ pub fn missed(omega: &[f64], h: &[c64], suspects: &[f64], peaks: &[c64]) -> Vec<
         hidden.any(|hidden| hidden)
     };
     suspects.iter().enumerate().filter(shows).map(|(_, w)| *w).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn poles_make_one_peak_within_their_bound() {
+        let count = |apart: f64| resonances(&[c64::new(-0.1, 1.0), c64::new(-0.1, 1.0 + apart)], 0.5, 2.0).len();
+        assert!(count(1e-10) == 1 && count(1e-8) == 2);
+    }
+
+    #[test]
+    fn a_peak_is_told_where_it_exceeds_its_neighbours() {
+        let told = |peak: f64| missed(&[1.0, 2.0], &[c64::new(1.0, 0.0); 2], &[1.5], &[c64::new(peak, 0.0)]).len();
+        assert!(told(1.01) == 0 && told(1.5) == 1);
+    }
 }

@@ -5,6 +5,7 @@ use faer::{Accum, Mat, MatRef, Par, c64};
 use super::ports::Ports;
 use crate::linalg::hessenberg::Hessenberg;
 use crate::linalg::quadratic::Quadratic;
+use crate::tolerances::frequency_response::ZERO_POLE;
 
 /// One route bound to its ports; `at` gives L Z^-1 F, or None where Z is (nearly) singular.
 pub enum Evaluator<'a> {
@@ -34,7 +35,7 @@ impl Evaluator<'_> {
                 let mut factor = Vec::with_capacity(pole.len());
                 for pole in pole {
                     // a zero root is known to the accuracy of a defective one only, so omega = 0 is judged by S itself
-                    let limit = if w == 0.0 { 1e-6 * largest } else { *noise };
+                    let limit = if w == 0.0 { ZERO_POLE * largest } else { *noise };
                     if (s - pole).norm() <= limit {
                         return None;
                     }

@@ -9,6 +9,7 @@ use super::frf::Reduction;
 use super::ports::{Ports, complex, i_omega};
 use crate::error::{Error, Result};
 use crate::linalg::quadratic::is_finite_complex;
+use crate::tolerances::frequency_response::{UNRESISTED, UNSEEN};
 
 const INFINITE: c64 = c64::new(f64::INFINITY, 0.0);
 
@@ -44,7 +45,7 @@ pub fn transfer(reduction: &Reduction, ports: &Ports, w: f64) -> Result<(Mat<c64
         let limit = frame.limit(&split, w, order(j));
         for i in 0..l.nrows() {
             let (row, column) = (seen.row(i), driven.col(j));
-            let floor = 1e-10 * l.row(i).norm_l2() * f.col(j).norm_l2();
+            let floor = UNSEEN * l.row(i).norm_l2() * f.col(j).norm_l2();
             if row.norm_l2() * column.norm_l2() <= floor {
                 continue;
             }
@@ -98,7 +99,7 @@ impl Frame {
             .d
             .as_ref()
             .map(|d| (d.norm_l2(), split.left.adjoint() * d * &split.right))
-            .filter(|(size, core)| core.norm_l2() > 1e-12 * size)
+            .filter(|(size, core)| core.norm_l2() > UNRESISTED * size)
             .map(|(_, core)| core);
         // near omega = 0 the singular part is core^-1 / (i omega)^pole_order
         let (core, pole_order) = match resisted {

@@ -25,9 +25,7 @@ use crate::system::loops::{LoopBlocks, Loops, column_scales};
 use crate::system::placement::{Placement, State, advance, place};
 use crate::system::singular_pose::reduction;
 use crate::system::topology::{Node, Topology};
-
-/// Displacements below this, in characteristic lengths or radians, do not count as strains.
-const UNRESOLVED: f64 = 1e-8;
+use crate::tolerances::linearisation::UNRESOLVED;
 
 /// Second-order matrices in minimal coordinates: `damping` is D, `stiffness` S; None where nothing acts.
 #[derive(Debug, Clone)]
@@ -37,12 +35,16 @@ pub struct Matrices<T: Real> {
     pub stiffness: DMatrix<T>,
 }
 
+/// Matrices in minimal coordinates at one state, and what they were made of.
 #[derive(Debug, Clone)]
 pub struct Linearization {
+    /// M, D and S
     pub matrices: Matrices<f64>,
+    /// how closed loops were reduced
     pub loops: Option<Loops>,
     /// B'' on the dependent coordinates
     pub dependent_map: Option<DMatrix<f64>>,
+    /// multipliers of the constraint rows
     pub lam: Vec<f64>,
     /// generalised force that is not balanced, minimal coordinates
     pub residual: DVector<f64>,
@@ -133,13 +135,17 @@ impl Linearization {
     }
 }
 
+/// Where a model is linearised, and which effects are counted.
 pub struct Setting<'a> {
+    /// the model
     pub system: &'a System,
+    /// coordinates and rates
     pub state: &'a State,
     /// what laws remember; empty means centred
     pub memory: &'a [f64],
     /// of the tree coordinates at z" = 0, such as those of a body that is carried around off the axis; empty means zero
     pub acceleration: &'a [f64],
+    /// what is counted
     pub effects: Effects,
 }
 
@@ -216,6 +222,8 @@ pub fn mobility(setting: &Setting<'_>) -> Result<Option<LoopBlocks>> {
     reduction(system, &scene, &jacobian, &decision)
 }
 
+/// M, D and S of small motions about a state: M x" + D x' + S x = f in minimal coordinates. Errors where loops do not close or are
+/// singular there. O(n^2) without loops.
 pub fn linearize(setting: &Setting<'_>, counts: &mut Counts) -> Result<Linearization> {
     let system = setting.system;
     let topology = &*system.topology;

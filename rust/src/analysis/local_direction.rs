@@ -101,7 +101,6 @@ pub fn local_direction(
         ground_coupling: (request.maps && !touched.bodies.is_empty()).then_some(coupling),
         dy: vec![0.0; n],
         body_motion: vec![0.0; 6 * system.n_bodies()],
-        residual: nalgebra::DVector::zeros(n),
         lam: Vec::new(),
     })
 }

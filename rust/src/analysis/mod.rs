@@ -1,4 +1,5 @@
 //! One file per analysis.
+pub mod air_states;
 pub mod assembly;
 pub mod designs;
 pub mod direction;

@@ -5,6 +5,7 @@ use faer::{Mat, MatRef, Side, c64};
 use super::ports::complex;
 use crate::error::Result;
 use crate::linalg::quadratic::NormalForm;
+use crate::tolerances::modes::UNCOUPLED;
 
 pub struct RealModes {
     /// (n, n) mass-normalised shapes and the squares of the natural frequencies; rigid modes are exactly zero
@@ -52,7 +53,7 @@ pub fn real_modes(form: &NormalForm) -> Result<Option<RealModes>> {
     if let Some(d) = &form.d {
         let modal = eigen.U().transpose() * d * eigen.U();
         // coupling that a rounding of D could have made: the damping is proportional
-        let tol = 1e-13 * modal.norm_max();
+        let tol = UNCOUPLED * modal.norm_max();
         for j in 0..n {
             for i in 0..n {
                 if i != j && modal[(i, j)].abs() > tol {

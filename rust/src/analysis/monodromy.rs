@@ -16,14 +16,11 @@ use super::hbm::problem::{Problem, Tangents};
 use super::hbm::rows::{join, root};
 use super::propagator::{Modes, States};
 use crate::error::{Error, Result};
+use crate::tolerances::periodic::{MONODROMY, SHRINKING};
 
 /// Coarsest number of steps per period, and how often it is doubled at most.
 const COARSEST: usize = 32;
 const DOUBLINGS: usize = 7;
-/// Expected error of the extrapolated matrix, relative to its size, that ends the doubling.
-const TOLERANCE: f64 = 1e-10;
-/// Changes larger than this do not tell yet how fast the next ones will shrink.
-const SETTLED: f64 = 1e-5;
 
 /// What does not change along a branch: the linear part in coordinates in which its motion is known.
 pub struct Splitting {
@@ -139,8 +136,8 @@ impl Table {
             _ => f64::INFINITY,
         };
         // where changes shrink, the next one shrinks at least as fast: it is the error of the present value
-        let next = if change <= SETTLED { change * (change / self.change).min(1.0) } else { change };
-        self.settled = next <= TOLERANCE;
+        let next = if change <= SHRINKING { change * (change / self.change).min(1.0) } else { change };
+        self.settled = next <= MONODROMY;
         (self.last, self.change) = (row, change);
     }
 }

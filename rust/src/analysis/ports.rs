@@ -7,14 +7,20 @@ use crate::linalg::quadratic::is_finite;
 /// What is driven and what is seen: H = (i omega)^order_out (L Z^-1 F (i omega)^order_in + D0).
 #[derive(Debug, Clone)]
 pub struct Ports {
+    /// output map, (outputs, n)
     pub l: Mat<f64>,
+    /// input map, (n, inputs)
     pub f: Mat<f64>,
+    /// derivatives of each input that act
     pub order_in: Vec<u32>,
+    /// derivatives of the outputs that are seen
     pub order_out: u32,
+    /// what of the inputs is seen at once, (outputs, inputs)
     pub d0: Option<Mat<f64>>,
 }
 
 impl Ports {
+    /// Errors unless all maps are finite and fit n coordinates.
     pub fn check(&self, n: usize) -> Result<()> {
         let (n_out, n_in) = (self.l.nrows(), self.f.ncols());
         if self.l.ncols() != n || self.f.nrows() != n {
@@ -47,10 +53,12 @@ impl Ports {
         Ok(())
     }
 
+    /// Number of outputs.
     pub fn n_out(&self) -> usize {
         self.l.nrows()
     }
 
+    /// Number of inputs.
     pub fn n_in(&self) -> usize {
         self.f.ncols()
     }

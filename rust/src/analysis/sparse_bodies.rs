@@ -19,10 +19,10 @@ use crate::system::System;
 use crate::system::assemble::Effects;
 use crate::system::placement::State;
 use crate::system::sparse::SparseForm;
+use crate::tolerances::sparse_modes::RESOLVED;
 
 /// Rounds of widening, and the estimated error of an eigenvalue at which they stop.
 const ROUNDS: usize = 6;
-const RESOLVED: f64 = 1e-12;
 /// Undamped modes beyond the wanted ones, for damped problems: they speed up the last of the wanted.
 const BUFFER: usize = 8;
 

@@ -9,6 +9,8 @@ use crate::linalg::krylov::{Operator, Options, Ritz, Space};
 use crate::linalg::quadratic::Quadratic;
 use crate::linalg::sparse::{Csc, Factor};
 use crate::run::{Cancel, Counts};
+use crate::tolerances::matrices::STIFFNESS_PIVOT;
+use crate::tolerances::sparse_modes::{RIGID_PAIR, SAME_DAMPED};
 
 pub struct DampedModes {
     /// the roots with Im s >= 0 nearest to the shift, ascending in |s|; a rigid motion counts once, as 0, each other real root
@@ -71,7 +73,7 @@ impl Damped {
     fn strain(&self, sigma: f64, counts: &mut Counts) -> Result<Csc> {
         let strain = self.stiffness().combined(1.0, sigma * sigma, &self.m);
         counts.add("factorisations", 1);
-        if Factor::cholesky(&strain, 1e-12)?.is_some() {
+        if Factor::cholesky(&strain, STIFFNESS_PIVOT)?.is_some() {
             return Ok(strain);
         }
         let largest = |a: &Csc| a.diagonal().iter().fold(0.0_f64, |x, v| x.max(v.abs()));
@@ -193,7 +195,7 @@ fn iterated(
         space.restart_afresh(&ritz, 2 * wanted)?;
         ritz = space.converge(cancel)?;
         let now = upper(&ritz, wanted);
-        let same = |(a, k): (&c64, &usize)| (a - ritz.value[*k]).norm() <= 1e-8 * a.norm();
+        let same = |(a, k): (&c64, &usize)| (a - ritz.value[*k]).norm() <= SAME_DAMPED * a.norm();
         if before.len() == now.len() && before.iter().zip(&now).all(same) {
             break;
         }
@@ -232,7 +234,7 @@ fn every(system: &Damped) -> Result<(Vec<c64>, Mat<c64>)> {
 /// Roots that are zero to the accuracy of a double root belong to rigid motions, two to each; one mode of each is left, s = 0.
 fn merge_rigid(system: &Damped, s: Vec<c64>, shape: Mat<c64>, sigma: f64) -> (Vec<c64>, Mat<c64>, usize) {
     let n = shape.nrows();
-    let zero = |s: &c64| s.norm() <= 1e-5 * sigma.abs();
+    let zero = |s: &c64| s.norm() <= RIGID_PAIR * sigma.abs();
     let mut rigid: Vec<Mat<f64>> = Vec::new();
     let product = |a: &Mat<f64>, b: &Mat<f64>| {
         let mut weighed = Mat::zeros(n, 1);

@@ -9,11 +9,12 @@ use crate::linalg::krylov::{Operator, Options, Ritz, Space};
 use crate::linalg::sparse::Csc;
 use crate::run::{Cancel, Counts};
 use crate::tolerances::modes::{BISECTIONS, DATA_ROUNDING, PATIENCE};
+use crate::tolerances::sparse_modes::{
+    CONSTRAINED, ELASTIC, FIRST_SHIFT, GAP, RIGID, RIGID_BY_STRAINS, SAME_VALUE, SOFT, SUM_ROUNDING,
+};
 
 /// Share of eps |K|/|M| that the rounding of an assembled K moves its eigenvalues by, typical of chains (measured).
 const ENTRY_NOISE: f64 = 0.05;
-/// Rounding of a sum of some ten thousand positive energies.
-const ROUNDING: f64 = 1e-14;
 /// Largest system of which the whole operator is formed where nearly all modes are wanted.
 const LARGEST_DENSE: usize = 2000;
 
@@ -105,7 +106,7 @@ fn around(
                 let known: Vec<f64> = ritz.value.iter().take(wanted).map(|v| v.re).collect();
                 space.restart_afresh(&ritz, wanted)?;
                 ritz = space.probe(cancel)?;
-                let same = |(a, b): (&f64, &faer::c64)| (a - b.re).abs() <= 1e-9 * a.abs();
+                let same = |(a, b): (&f64, &faer::c64)| (a - b.re).abs() <= SAME_VALUE * a.abs();
                 if known.iter().zip(&ritz.value).all(same) {
                     verified = "random restart";
                     break;
@@ -146,7 +147,7 @@ fn every(pencil: &impl Pencil, op: &ShiftInvert<'_>, wanted: usize) -> Result<(V
     op.apply(columns.as_ref(), x.as_mut())?;
     let b = l.transpose() * &x;
     if !crate::linalg::quadratic::is_finite(b.as_ref()) {
-        return Err(Error::singular("the shifted matrix is singular; use another shift sigma"));
+        return Err(Error::singular("the shifted matrix is singular"));
     }
     let symmetric = Mat::from_fn(n, n, |i, j| 0.5 * (b[(i, j)] + b[(j, i)]));
     let eigen = symmetric
@@ -156,7 +157,7 @@ fn every(pencil: &impl Pencil, op: &ShiftInvert<'_>, wanted: usize) -> Result<(V
     order.sort_by(|a, b| eigen.S()[*b].abs().total_cmp(&eigen.S()[*a].abs()));
     let largest = order.first().map_or(0.0, |k| eigen.S()[*k].abs());
     // constraints leave exact zeros, which rounding blurs
-    order.retain(|k| eigen.S()[*k].abs() > 1e-13 * largest);
+    order.retain(|k| eigen.S()[*k].abs() > CONSTRAINED * largest);
     if order.len() < wanted {
         return Err(Error::model(format!(
             "n = {wanted} modes were asked for, but the constraints leave {}",
@@ -188,7 +189,7 @@ fn start<'a>(
     }
     // free or nearly so: a negative shift between the first elastic eigenvalue and the last wanted one, found from coarse
     // Ritz values; these lie too high, so the shift only ever comes down
-    let mut sigma = -1e-4 * pencil.scale();
+    let mut sigma = -FIRST_SHIFT * pencil.scale();
     if is_small(pencil, &Options::new(wanted, true)) {
         return Ok((pencil.shifted(sigma)?, sigma));
     }
@@ -201,7 +202,7 @@ fn start<'a>(
         let ritz = space.cycle(cancel)?;
         counts.merge(&space.counts);
         let elastic = ritz.value.iter().filter(|theta| theta.re > 0.0).map(|theta| sigma + 1.0 / theta.re);
-        let first = elastic.filter(|l| *l > 1e-7 * sigma.abs()).fold(f64::INFINITY, f64::min);
+        let first = elastic.filter(|l| *l > ELASTIC * sigma.abs()).fold(f64::INFINITY, f64::min);
         if 30.0 * first >= sigma.abs() {
             return Ok((op, sigma));
         }
@@ -254,7 +255,7 @@ fn missed(pencil: &impl Pencil, ritz: &Ritz, wanted: usize, sigma: f64, counts: 
     let distance = |k: usize| 1.0 / ritz.value[k].norm();
     // the last of the wanted ones that is followed by a gap, so that a group cut in two is not counted
     let total = ritz.value.iter().take_while(|v| v.norm() > 0.0).count();
-    let cut = (1..=wanted.min(total)).rev().find(|c| *c == total || distance(*c) > distance(c - 1) * (1.0 + 1e-6))?;
+    let cut = (1..=wanted.min(total)).rev().find(|c| *c == total || distance(*c) > distance(c - 1) * (1.0 + GAP))?;
     let gap = if cut < total { distance(cut) - distance(cut - 1) } else { f64::INFINITY };
     let radius = distance(cut - 1) + (0.5 * gap).min(1e-3 * distance(cut - 1));
     counts.add("inertia counts", 2);
@@ -298,8 +299,8 @@ fn finish(
         let from_vector = residual[k].powi(2) * ((lambda[k] - sigma) / lambda[k]).abs();
         // below it lambda cannot be told from zero
         let floor = match exact {
-            true => 1e3 * residual[k].powi(2) * sigma.abs() + 1e-26 * pencil.scale(),
-            false => 1e-12 * sigma.abs() + 1e2 * data,
+            true => 1e3 * residual[k].powi(2) * sigma.abs() + RIGID_BY_STRAINS * pencil.scale(),
+            false => RIGID * sigma.abs() + 1e2 * data,
         };
         if sigma != 0.0 && lambda[k].abs() <= floor {
             error[k] = floor;
@@ -307,11 +308,11 @@ fn finish(
             rigid += 1;
             continue;
         }
-        if lambda[k] > 0.0 && lambda[k] < 1e-6 * sigma.abs() {
+        if lambda[k] > 0.0 && lambda[k] < SOFT * sigma.abs() {
             softest = softest.min(lambda[k]);
         }
         let rows = DATA_ROUNDING * 0.5 * f64::EPSILON * of_rows[k];
-        error[k] = (data + rows) / lambda[k].abs() + from_vector + ROUNDING;
+        error[k] = (data + rows) / lambda[k].abs() + from_vector + SUM_ROUNDING;
     }
     let mut order: Vec<usize> = (0..wanted).collect();
     order.sort_by(|a, b| lambda[*a].total_cmp(&lambda[*b]));

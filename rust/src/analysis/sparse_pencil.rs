@@ -11,7 +11,9 @@ use faer::{Mat, MatMut, MatRef};
 use crate::error::{Error, Result};
 use crate::linalg::krylov::Operator;
 use crate::linalg::sparse::{Csc, Factor, LuPlan, negative_eigenvalues};
+use crate::tolerances::matrices::{MASS_PIVOT, STIFFNESS_PIVOT};
 use crate::tolerances::modes::SEMIDEFINITE;
+use crate::tolerances::sparse_modes::ENERGY_IS_WORK;
 
 /// Rows of one element, at most.
 const LARGEST_BLOCK: usize = 64;
@@ -104,7 +106,7 @@ fn check_mass(m: &Csc) -> Result<()> {
     if !m.is_symmetric() {
         return Err(Error::model("M is not symmetric"));
     }
-    if Factor::cholesky(m, 1e-14)?.is_none() {
+    if Factor::cholesky(m, MASS_PIVOT)?.is_none() {
         return Err(Error::singular("the mass matrix is not positive definite: give every coordinate a mass"));
     }
     Ok(())
@@ -164,7 +166,7 @@ impl Pencil for Assembled {
     }
 
     fn shifted_at_zero(&self) -> Result<Option<ShiftInvert<'_>>> {
-        let factor = Factor::cholesky(&self.k, 1e-12)?;
+        let factor = Factor::cholesky(&self.k, STIFFNESS_PIVOT)?;
         Ok(factor.map(|factor| ShiftInvert::new(factor, &self.m)))
     }
 }
@@ -382,12 +384,41 @@ impl Pencil for Mixed {
             let dot = |a: &Mat<f64>| (0..n).map(|i| x[(i, 0)] * a[(i, 0)]).sum::<f64>();
             let energy = self.energies(x.as_ref()).map_or(f64::NAN, |e| e[0]) * dot(&mx);
             let work = dot(&mw);
-            let regular = (energy - work).abs() <= 1e-5 * work.abs();
+            let regular = (energy - work).abs() <= ENERGY_IS_WORK * work.abs();
             if !regular {
                 return Ok(None);
             }
             w = x;
         }
         Ok(Some(op))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// [[1, c], [c, 1 + p]] with c = 1 or -1: the last pivot is p.
+    fn nearly_singular(c: f64, p: f64) -> Csc {
+        Csc::from_entries(2, 2, vec![(0, 0, 1.0), (1, 0, c), (0, 1, c), (1, 1, 1.0 + p)])
+    }
+
+    fn unit() -> Csc {
+        Csc::from_entries(2, 2, vec![(0, 0, 1.0), (1, 1, 1.0)])
+    }
+
+    #[test]
+    fn masses_are_refused_from_their_bound_on() {
+        assert!(Assembled::new(nearly_singular(1.0, 1e-13), unit()).is_ok());
+        assert!(Assembled::new(nearly_singular(1.0, 1e-15), unit()).is_err());
+    }
+
+    #[test]
+    fn a_zero_shift_is_given_up_from_its_bound_on() -> Result<()> {
+        let held = |p: f64| -> Result<bool> {
+            Ok(Assembled::new(unit(), nearly_singular(-1.0, p))?.shifted_at_zero()?.is_some())
+        };
+        assert!(held(1e-11)? && !held(1e-13)?);
+        Ok(())
     }
 }

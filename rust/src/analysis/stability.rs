@@ -15,18 +15,13 @@ use super::hbm::problem::Problem;
 use super::monodromy::{Monodromy, Splitting};
 use crate::error::{Error, Result};
 use crate::linalg::balance::Balanced;
+use crate::tolerances::periodic::{AGREEMENT, EDGE, TRACE, VISIBLE};
 
-/// Largest difference between the sum of the exponents and the trace, relative to the base frequency, that passes.
-const TRACE_TOLERANCE: f64 = 1e-6;
-/// Exponents nearer than this (relative to the base frequency) to |Im| = omega/2 count as lying there.
-const EDGE: f64 = 1e-7;
 /// Largest Hill matrix; beyond, a period of integration is cheaper.
 const LARGEST_HILL: usize = 130;
 /// Largest relative difference of dynamic stiffness between a system and the reduced model that tells its stability.
 const MODEL_TOLERANCE: f64 = 1e-3;
 
-/// Largest difference of multipliers at which the monodromy matrix may take the place of Hill's problem along a branch.
-const AGREEMENT: f64 = 1e-7;
 /// Steps of the finest product beyond which it is no longer cheaper.
 const FEW_STEPS: usize = 512;
 
@@ -180,7 +175,7 @@ impl Inertia {
             }
         }
         let sum: f64 = exponents.iter().map(|s| s.re).sum();
-        exponents.len() == 2 * n && (sum + trace).abs() <= TRACE_TOLERANCE * (problem.base_frequency() + trace.abs())
+        exponents.len() == 2 * n && (sum + trace).abs() <= TRACE * (problem.base_frequency() + trace.abs())
     }
 }
 
@@ -255,7 +250,7 @@ fn from_monodromy(phi: &Mat<f64>, sum: f64, w0: f64) -> Result<Vec<c64>> {
     let period = std::f64::consts::TAU / w0;
     let phi = Balanced::new(phi).matrix;
     let multipliers = eigenvalues(&phi)?;
-    let visible = 1e-11 * phi.norm_max().max(f64::MIN_POSITIVE);
+    let visible = VISIBLE * phi.norm_max().max(f64::MIN_POSITIVE);
     let exponent = |mu: &c64| {
         let turn = if mu.im == 0.0 && mu.re < 0.0 { std::f64::consts::PI } else { mu.arg() };
         c64::new(mu.norm().ln(), turn) / period
@@ -265,4 +260,21 @@ fn from_monodromy(phi: &Mat<f64>, sum: f64, w0: f64) -> Result<Vec<c64>> {
     let rest = sum - exponents.iter().map(|s| s.re).sum::<f64>();
     exponents.extend((0..hidden).map(|_| c64::new(rest / hidden as f64, 0.0)));
     Ok(exponents)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn multipliers_that_rounding_hides_follow_from_the_trace() -> Result<()> {
+        let slowest = |decayed: f64| -> Result<f64> {
+            let phi = Mat::from_fn(2, 2, |i, j| [1.0, decayed][i] * f64::from(u8::from(i == j)));
+            let found = from_monodromy(&phi, -7.0, std::f64::consts::TAU)?;
+            Ok(found.iter().fold(0.0, |a, s| a.min(s.re)))
+        };
+        assert!((slowest(1e-12)? + 7.0).abs() < 1e-12);
+        assert!((slowest(1e-10)? - 1e-10_f64.ln()).abs() < 1e-4);
+        Ok(())
+    }
 }

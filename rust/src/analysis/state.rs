@@ -4,6 +4,7 @@ use faer::Mat;
 use super::ports::Ports;
 use crate::error::Error;
 use crate::linalg::quadratic::{NormalForm, Quadratic};
+use crate::tolerances::frequency_response::NO_FEEDTHROUGH;
 
 /// State matrices of a second-order system in any coordinates with unit mass: x = (z, z'/rate).
 #[derive(Debug, Clone)]
@@ -72,7 +73,7 @@ impl StateSpace {
                             _ => 0.0,
                         };
                         let sum = through + feed;
-                        if sum.abs() <= 1e-10 * through.abs().max(feed.abs()) { 0.0 } else { sum }
+                        if sum.abs() <= NO_FEEDTHROUGH * through.abs().max(feed.abs()) { 0.0 } else { sum }
                     })
                 })
                 .collect()

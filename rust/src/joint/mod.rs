@@ -107,18 +107,22 @@ fn angle(r: &M3<f64>, reversed: bool) -> f64 {
 
 macro_rules! joints {
     ($($kind:ident in $file:ident),+ $(,)?) => {
+        /// The kinds of joints, one file each.
         #[derive(Debug, Clone, Copy, PartialEq, Eq)]
         pub enum JointKind {
-            $($kind),+
+            $(#[doc = concat!("`", stringify!($file), "`")] $kind),+
         }
 
         impl JointKind {
+            /// In the order of their codes.
             pub const ALL: &'static [JointKind] = &[$(JointKind::$kind),+];
 
+            /// As Tables and messages tell it.
             pub fn name(self) -> &'static str {
                 match self { $(JointKind::$kind => $file::$kind::NAME),+ }
             }
 
+            /// Whether it carries bodies in the tree, or adds rows.
             pub fn role(self) -> Role {
                 match self { $(JointKind::$kind => $file::$kind::ROLE),+ }
             }

@@ -72,7 +72,9 @@ fn equilibrate(a: &mut Mat<f64>, active: std::ops::Range<usize>) -> Vec<f64> {
             // (column f^2 + row / f^2) is least at f^4 = row / column; a power of two makes the scaling exact
             let f = ((row / column).log2() / 4.0).round().exp2();
             let better = column * f * f + row / (f * f) < GAIN * (column + row);
-            if !better || !(1e-140..1e140).contains(&(scale[i] * f)) {
+            // squares of the factors stay numbers
+            let range = f64::MIN_POSITIVE.sqrt();
+            if !better || !(range..range.recip()).contains(&(scale[i] * f)) {
                 continue;
             }
             changed = true;

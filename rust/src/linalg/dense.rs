@@ -150,3 +150,18 @@ pub fn minimum_norm(m: &DMatrix<f64>, right: &DVector<f64>) -> Result<DVector<f6
     }
     Ok(x)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn directions_that_no_row_feels_are_left_alone() -> Result<()> {
+        let along = |felt: f64| -> Result<f64> {
+            let m = DMatrix::from_row_slice(2, 2, &[1.0, 0.0, 0.0, felt]);
+            Ok(minimum_norm(&m, &DVector::from_vec(vec![0.0, 1.0]))?[1])
+        };
+        assert!((along(1e-9)? * 1e-9 - 1.0).abs() < 1e-9 && along(1e-11)? == 0.0);
+        Ok(())
+    }
+}

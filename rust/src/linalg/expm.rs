@@ -164,11 +164,6 @@ fn pade<T: Algebra>(a: &T, m: usize) -> T {
     T::quotient(&even, &a.times(&odd))
 }
 
-/// exp(A).
-pub fn expm(a: MatRef<'_, f64>) -> Result<Mat<f64>> {
-    exponential(&a.to_owned())
-}
-
 /// exp(A) and phi_k(A) B, k = 1..3, from one exponential of [[A, B, 0], [0, 0, 1], [0, 0, 0]]
 /// (Al-Mohy and Higham, SIAM J. Sci. Comput. 33(2), 2011, theorem 2.1).
 pub fn phi_products(a: MatRef<'_, f64>, b: MatRef<'_, f64>) -> Result<(Mat<f64>, [Mat<f64>; 3])> {

@@ -20,9 +20,8 @@ use crate::linalg::rows::{Level, RowBlocks};
 use crate::linalg::small_lu::SmallLu;
 use crate::linalg::sparse::{Csc, Factor as SparseFactor};
 use crate::linalg::symmetric::{Ldl, Pattern};
+use crate::tolerances::matrices::QUASI_DEFINITE;
 
-/// Without pivots L D L^T needs a negative diagonal under the rows; refinement takes it out again. Only speed depends on it.
-const QUASI_DEFINITE: f64 = 1e-7;
 const REFINEMENTS: usize = 8;
 /// Up to this size plain loops are faster than a library. Only speed depends on it.
 const SMALL: usize = 24;

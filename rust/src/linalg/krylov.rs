@@ -9,6 +9,7 @@ use faer::{Accum, Mat, MatMut, MatRef, Par, Side, c64};
 
 use crate::error::{Error, Result};
 use crate::run::{Cancel, Counts};
+use crate::tolerances::sparse_modes::{CONVERGED, DEPENDENT, DEPENDENT_RANDOM, SAME_MODULUS};
 
 const PROBE_BLOCKS: usize = 6;
 
@@ -34,7 +35,7 @@ impl Options {
     pub fn new(wanted: usize, symmetric: bool) -> Self {
         let block = 3;
         let dim = (2 * wanted + 4 * block).max(wanted + 30);
-        Options { wanted, block, dim: dim.div_ceil(block) * block, tol: 1e-11, max_cycles: 200, symmetric }
+        Options { wanted, block, dim: dim.div_ceil(block) * block, tol: CONVERGED, max_cycles: 200, symmetric }
     }
 }
 
@@ -165,7 +166,7 @@ impl<'a, O: Operator> Space<'a, O> {
                 r[(l, c)] = inside[(l, 0)];
             }
             let norm = self.norm(column)?;
-            if norm > 1e-13 * before[c] {
+            if norm > DEPENDENT * before[c] {
                 r[(c, c)] = norm;
                 self.divide(column, norm);
             } else {
@@ -182,7 +183,7 @@ impl<'a, O: Operator> Space<'a, O> {
         let before = self.norm(column)?;
         self.project_out(column, 0)?;
         let norm = self.norm(column)?;
-        if norm > 1e-10 * before {
+        if norm > DEPENDENT_RANDOM * before {
             self.divide(column, norm);
         } else {
             self.v.as_mut().col_mut(column).fill(0.0);
@@ -228,9 +229,7 @@ impl<'a, O: Operator> Space<'a, O> {
         if sum.is_finite() {
             return Ok(sum.max(0.0).sqrt());
         }
-        Err(Error::singular(
-            "the shifted matrix is singular: its solutions are infinite or NaN; use another shift sigma",
-        ))
+        Err(Error::singular("the shifted matrix is singular: its solutions are infinite or NaN"))
     }
 
     fn ritz(&self) -> Result<Ritz> {
@@ -260,7 +259,7 @@ impl<'a, O: Operator> Space<'a, O> {
         order.sort_by(|a, b| {
             let (x, y) = (value[*a], value[*b]);
             let (m, n) = (x.norm(), y.norm());
-            if (m - n).abs() <= 1e-12 * m.max(n) {
+            if (m - n).abs() <= SAME_MODULUS * m.max(n) {
                 x.re.total_cmp(&y.re).then(y.im.total_cmp(&x.im))
             } else {
                 n.total_cmp(&m)
@@ -321,7 +320,7 @@ impl<'a, O: Operator> Space<'a, O> {
         let n = self.converged(&ritz);
         Err(Error::Convergence {
             message: format!(
-                "only {n} of {} modes converged in {} restarts; use a shift nearer to the wanted modes",
+                "only {n} of {} modes converged in {} restarts",
                 self.options.wanted, self.options.max_cycles
             ),
             best: ritz.value.iter().take(n).map(|v| v.re).collect(),

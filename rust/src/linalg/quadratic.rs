@@ -4,12 +4,16 @@ use faer::{Mat, MatRef, Side, c64};
 
 use super::double_double::{Dd, Sums};
 use crate::error::{Error, Result};
+use crate::tolerances::matrices::{PIVOT, SAME_ENTRY};
 
 /// M, D = C + G (None where there is none) and S = K + N, dense.
 #[derive(Debug, Clone)]
 pub struct Quadratic {
+    /// M
     pub m: Mat<f64>,
+    /// D
     pub d: Option<Mat<f64>>,
+    /// S
     pub s: Mat<f64>,
 }
 
@@ -41,11 +45,12 @@ pub fn max_abs(a: MatRef<'_, f64>) -> f64 {
 
 /// Symmetric up to rounding of the entries' common scale.
 pub fn is_symmetric(a: MatRef<'_, f64>) -> bool {
-    let tol = 1e-14 * max_abs(a);
+    let tol = SAME_ENTRY * max_abs(a);
     (0..a.ncols()).all(|j| (0..j).all(|i| (a[(i, j)] - a[(j, i)]).abs() <= tol))
 }
 
 impl Quadratic {
+    /// Errors unless the matrices are finite and of one size.
     pub fn new(m: Mat<f64>, d: Option<Mat<f64>>, s: Mat<f64>) -> Result<Self> {
         let n = m.nrows();
         if n == 0 {
@@ -70,6 +75,7 @@ impl Quadratic {
         Ok(Quadratic { m, d, s })
     }
 
+    /// Number of coordinates.
     pub fn n(&self) -> usize {
         self.m.nrows()
     }
@@ -179,7 +185,7 @@ impl Quadratic {
         let n = self.n();
         // a massless coordinate may survive the factorisation by rounding: its pivot is then noise of the diagonal it came from
         let l = self.m.llt(Side::Lower).ok()?.L().to_owned();
-        let regular = (0..n).all(|i| l[(i, i)] * l[(i, i)] > 1e-13 * self.m[(i, i)]);
+        let regular = (0..n).all(|i| l[(i, i)] * l[(i, i)] > PIVOT * self.m[(i, i)]);
         if !regular || !is_finite(l.as_ref()) {
             return None;
         }
@@ -244,6 +250,22 @@ impl NormalForm {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn entries_are_the_same_within_their_bound() {
+        let symmetric = |gap: f64| is_symmetric(faer::mat![[1.0, 0.5], [0.5 + gap, 1.0]].as_ref());
+        assert!(symmetric(1e-15) && !symmetric(1e-13));
+    }
+
+    #[test]
+    fn a_pivot_of_rounding_has_no_normal_form() -> Result<()> {
+        let regular = |p: f64| -> Result<bool> {
+            let q = Quadratic::new(faer::mat![[1.0, 1.0], [1.0, 1.0 + p]], None, Mat::identity(2, 2))?;
+            Ok(q.normal_form().is_some())
+        };
+        assert!(regular(1e-12)? && !regular(1e-14)?);
+        Ok(())
+    }
 
     #[test]
     fn refined_solution_is_exact_to_the_last_digits() {

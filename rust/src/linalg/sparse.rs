@@ -12,6 +12,7 @@ use faer::sparse::{SparseColMatRef, SymbolicSparseColMatRef};
 use faer::{Conj, Mat, MatMut, MatRef, Par, Side};
 
 use crate::error::{Error, Result};
+use crate::tolerances::matrices::{INERTIA_RESIDUAL, SAME_ENTRY};
 
 /// Compressed columns with sorted, unique row indices.
 #[derive(Debug, Clone)]
@@ -113,7 +114,7 @@ impl Csc {
         if self.rows != self.cols {
             return false;
         }
-        let tol = 1e-14 * self.value.iter().fold(0.0_f64, |a, v| a.max(v.abs()));
+        let tol = SAME_ENTRY * self.value.iter().fold(0.0_f64, |a, v| a.max(v.abs()));
         // one pointer per column walks down the entries below the diagonal while the mirrored ones come by in order
         let mut next: Vec<u32> = self.start[..self.cols].to_vec();
         for (i, j, v) in self.entries() {
@@ -157,11 +158,6 @@ impl Csc {
                 }
             }
         }
-    }
-
-    /// A^T x for one vector.
-    pub fn transposed(&self, x: &[f64]) -> Vec<f64> {
-        (0..self.cols).map(|j| self.column(j).map(|(i, v)| v * x[i]).sum()).collect()
     }
 
     fn as_faer(&self) -> SparseColMatRef<'_, u32, f64> {
@@ -374,7 +370,7 @@ pub fn negative_eigenvalues(a: &Csc) -> Option<usize> {
     // inertia is right as long as the factors are those of a matrix close to a: ask for the residual of a stable solve
     let rows = row_sizes(a, x.as_ref());
     let scale = rows.iter().fold(0.0_f64, |s, v| s.max(*v)) + 0.5;
-    if worst.is_nan() || worst > 1e-11 * scale {
+    if worst.is_nan() || worst > INERTIA_RESIDUAL * scale {
         return None;
     }
     let d = pivots(&symbolic, &value);

@@ -3,6 +3,7 @@ use std::sync::Arc;
 
 use crate::aero::polar::{Airfoil, Polar};
 use crate::aero::section::{Inflow, Section};
+use crate::aero::unsteady::{Separation, Unsteady};
 use crate::error::{Error, Result};
 use crate::model::geometry::vector;
 use crate::model::layout::{air, section};
@@ -14,6 +15,7 @@ use crate::spatial::{Real, V3};
 pub struct AirSpec {
     pub name: String,
     pub inflow: Inflow,
+    pub unsteady: Unsteady,
     pub x: usize,
     pub history: Option<History>,
 }
@@ -62,6 +64,7 @@ pub struct AirGeometry<T: Real> {
     pub axis: V3<T>,
     pub pitch: T,
     pub ground: T,
+    pub stall: T,
 }
 
 #[derive(Debug, Clone)]
@@ -76,6 +79,10 @@ pub struct SectionGeometry<T: Real> {
     pub share: T,
     pub solidity: T,
     pub loss: [T; 2],
+    pub radius: T,
+    pub span: T,
+    pub slope: T,
+    pub zero: T,
 }
 
 fn unit<T: Real>(v: &V3<T>) -> V3<T> {
@@ -95,6 +102,7 @@ impl<T: Real> AirGeometry<T> {
             axis: direction(air::AXIS),
             pitch: x[air::PITCH],
             ground: x[air::GROUND],
+            stall: x[air::STALL],
         }
     }
 
@@ -122,6 +130,7 @@ impl<T: Real> AirGeometry<T> {
             axis: self.axis.map(&mut *f),
             pitch: f(self.pitch),
             ground: f(self.ground),
+            stall: f(self.stall),
         }
     }
 }
@@ -138,6 +147,10 @@ impl<T: Real> SectionGeometry<T> {
             share: x[section::SHARE],
             solidity: x[section::SOLIDITY],
             loss: [x[section::LOSS], x[section::LOSS + 1]],
+            radius: x[section::RADIUS],
+            span: x[section::SPAN],
+            slope: x[section::SLOPE],
+            zero: x[section::ZERO],
         }
     }
 
@@ -152,11 +165,15 @@ impl<T: Real> SectionGeometry<T> {
             share: f(self.share),
             solidity: f(self.solidity),
             loss: self.loss.map(&mut *f),
+            radius: f(self.radius),
+            span: f(self.span),
+            slope: f(self.slope),
+            zero: f(self.zero),
         }
     }
 
     /// The section in its air.
-    pub fn section<'p>(&self, spec: &'p SectionSpec, air: &AirGeometry<T>, inflow: Inflow) -> Section<'p, T> {
+    pub fn section<'p>(&self, spec: &'p SectionSpec, air: &AirGeometry<T>, of: &AirSpec) -> Section<'p, T> {
         Section {
             airfoil: Airfoil { polars: [&spec.polars[0], &spec.polars[1]], share: self.share },
             density: air.density,
@@ -167,8 +184,12 @@ impl<T: Real> SectionGeometry<T> {
             rear: self.rear,
             solidity: self.solidity,
             loss: self.loss,
-            inflow,
+            inflow: of.inflow,
             axis: air.axis,
+            unsteady: of.unsteady,
+            radius: self.radius,
+            span: self.span,
+            separation: Separation { slope: self.slope, zero: self.zero, lag: air.stall },
         }
     }
 }

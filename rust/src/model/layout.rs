@@ -7,10 +7,15 @@ pub const LARGEST_TOLERANCE: f64 = 0.1;
 
 /// Bits of `flags` of joints and elements.
 pub mod flag {
+    /// `k` is given.
     pub const HAS_K: i64 = 1;
+    /// `c` is given.
     pub const HAS_C: i64 = 2;
+    /// `preload` is given.
     pub const HAS_PRELOAD: i64 = 4;
+    /// `orientation` is given.
     pub const FRAME_FROM_ORIENTATION: i64 = 8;
+    /// `length` is given.
     pub const LENGTH_GIVEN: i64 = 16;
 }
 
@@ -51,6 +56,13 @@ pub mod load_type {
 pub mod air_inflow {
     pub const GIVEN: i64 = 0;
     pub const MOMENTUM: i64 = 1;
+}
+
+/// Bits of `air_unsteady`.
+pub mod air_unsteady {
+    pub const INFLOW: i64 = 1;
+    pub const ATTACHED: i64 = 2;
+    pub const STALL: i64 = 4;
 }
 
 /// The numbers of a body.
@@ -191,7 +203,8 @@ pub mod air {
     pub const AXIS: usize = 10;
     pub const PITCH: usize = 13;
     pub const GROUND: usize = 14;
-    pub const SIZE: usize = 15;
+    pub const STALL: usize = 15;
+    pub const SIZE: usize = 16;
 }
 
 /// The numbers of a section.
@@ -205,5 +218,9 @@ pub mod section {
     pub const SHARE: usize = 8;
     pub const SOLIDITY: usize = 9;
     pub const LOSS: usize = 10;
-    pub const SIZE: usize = 12;
+    pub const RADIUS: usize = 12;
+    pub const SPAN: usize = 13;
+    pub const SLOPE: usize = 14;
+    pub const ZERO: usize = 15;
+    pub const SIZE: usize = 16;
 }

@@ -11,8 +11,10 @@ use crate::model::motion::MotionSpec;
 /// None is ground.
 pub type BodyRef = Option<usize>;
 
+/// A body.
 #[derive(Debug, Clone)]
 pub struct BodySpec {
+    /// for messages
     pub name: String,
     /// of a moving node that of its flexible body
     pub x: usize,
@@ -20,24 +22,36 @@ pub struct BodySpec {
     pub tip: Option<usize>,
 }
 
+/// A joint between two bodies.
 #[derive(Debug, Clone)]
 pub struct JointSpec {
+    /// for messages
     pub name: String,
+    /// what it is
     pub kind: JointKind,
+    /// the first body
     pub a: BodyRef,
+    /// the second body
     pub b: BodyRef,
+    /// which of its numbers were given, by the bits of `flag`
     pub flags: i64,
+    /// its first number
     pub x: usize,
 }
 
+/// What an element is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ElementKind {
+    /// between two points, along the line that joins them
     SpringDamper,
+    /// in three directions and about three axes
     Bushing,
+    /// about one axis
     Torsion,
 }
 
 impl ElementKind {
+    /// By its code in the Tables.
     pub fn from_code(code: i64) -> Result<Self> {
         match code {
             layout::element_type::SPRING_DAMPER => Ok(ElementKind::SpringDamper),
@@ -57,13 +71,20 @@ impl ElementKind {
     }
 }
 
+/// An element between two bodies.
 #[derive(Debug, Clone)]
 pub struct ElementSpec {
+    /// for messages
     pub name: String,
+    /// what it is
     pub kind: ElementKind,
+    /// the first body
     pub a: BodyRef,
+    /// the second body
     pub b: BodyRef,
+    /// which of its numbers were given, by the bits of `flag`
     pub flags: i64,
+    /// its first number
     pub x: usize,
 }
 
@@ -127,24 +148,42 @@ pub struct LoadMotionSpec {
     pub motion: usize,
 }
 
+/// A model as Python hands it over: its numbers, and where each object has its own among them (docs/tables.md).
 #[derive(Debug, Clone, Default)]
 pub struct Tables {
+    /// all numbers
     pub x: Vec<f64>,
+    /// rigid and flexible bodies, and the moving nodes of these
     pub bodies: Vec<BodySpec>,
+    /// what connects bodies
     pub joints: Vec<JointSpec>,
+    /// springs and dampers
     pub elements: Vec<ElementSpec>,
+    /// forces and torques
     pub loads: Vec<LoadSpec>,
+    /// laws of one coordinate of an element or of a joint
     pub laws: Vec<LawSpec>,
+    /// laws of several
     pub functions: Vec<FunctionSpec>,
+    /// functions of time
     pub motions: Vec<MotionSpec>,
+    /// joint coordinates that follow motions
     pub drives: Vec<DriveSpec>,
+    /// pairs of joint coordinates that move together
     pub couplers: Vec<CouplerSpec>,
+    /// rows that a user gave
     pub constraints: Vec<ConstraintSpec>,
+    /// air flows
     pub air: Vec<AirSpec>,
+    /// sections of blades in them
     pub sections: Vec<SectionSpec>,
+    /// motions that loads follow
     pub load_motions: Vec<LoadMotionSpec>,
+    /// its first number
     pub gravity: Option<usize>,
+    /// shapes of flexible bodies
     pub flexible: Vec<FlexibleSpec>,
+    /// the moving nodes of these
     pub tips: Vec<TipSpec>,
     /// first guesses of body poses: body, start of origin and quaternion
     pub poses: Vec<(usize, usize)>,
@@ -283,6 +322,7 @@ impl Tables {
         Ok(())
     }
 
+    /// Its name; that of ground is "ground".
     pub fn body_name(&self, body: BodyRef) -> &str {
         body.map_or("ground", |b| &self.bodies[b].name)
     }

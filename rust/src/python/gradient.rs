@@ -99,6 +99,7 @@ fn task<'py>(
         "ali3p" => Rule::Ali3p(weight),
         "generalized-alpha" => Rule::Alpha(need(options, "rho")?),
         "explicit" => Rule::Explicit,
+        "radau" => Rule::Radau,
         other => {
             return Err(Error::model(format!("the scheme '{other}' has no sensitivities")).into());
         }
@@ -147,7 +148,11 @@ fn listed(kinks: &[Kink]) -> Vec<(f64, String, &'static str)> {
 /// The quadrature of a scheme over each step: what its start and its end count, and (fraction, weight) of nodes inside.
 #[pyfunction]
 fn motion_quadrature(scheme: &str) -> (f64, f64, Vec<(f64, f64)>) {
-    let rule = if scheme == "explicit" { Rule::Explicit } else { Rule::Alpha(1.0) };
+    let rule = match scheme {
+        "explicit" => Rule::Explicit,
+        "radau" => Rule::Radau,
+        _ => Rule::Alpha(1.0),
+    };
     let Quadrature { ends: [first, last], inner } = rule.quadrature();
     (first, last, inner)
 }

@@ -270,7 +270,7 @@ impl HbmProblem {
     }
 
     /// One solution, started at y.
-    #[pyo3(signature = (y, omega, level=1.0, tolerance=1e-10, max_iterations=50))]
+    #[pyo3(signature = (y, omega, level=1.0, *, tolerance, max_iterations))]
     fn solve<'py>(
         &self,
         py: Python<'py>,
@@ -306,7 +306,7 @@ impl HbmProblem {
     }
 
     /// A limit cycle from the guess z = [y, omega].
-    #[pyo3(signature = (z, tolerance=1e-10, max_iterations=50))]
+    #[pyo3(signature = (z, *, tolerance, max_iterations))]
     fn cycle<'py>(
         &self,
         py: Python<'py>,

@@ -12,9 +12,11 @@ use crate::analysis::sparse_modal::{self, SymmetricModes};
 use crate::analysis::sparse_pencil::{Assembled, Mixed, Pencil};
 use crate::error::{Error, Result};
 use crate::linalg::sparse::Csc;
+use crate::second_order;
 
 pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(sparse_modes, module)?)?;
+    module.add_function(wrap_pyfunction!(check_symmetry, module)?)?;
     module.add_function(wrap_pyfunction!(sparse_count, module)?)?;
     module.add_function(wrap_pyfunction!(sparse_frf, module)?)?;
     module.add_function(wrap_pyfunction!(mixed_modes, module)?)
@@ -37,6 +39,19 @@ fn csc(name: &str, arrays: &Arrays<'_>) -> Result<Csc> {
     )
 }
 
+/// What a user can do where modes without damping are not found.
+pub(super) fn advised<T>(found: Result<T>) -> Result<T> {
+    found.map_err(|error| match error {
+        Error::Convergence { message, best, residual } => Error::Convergence {
+            message: format!("{message}; give shift=, a frequency near the wanted modes"),
+            best,
+            residual,
+        },
+        Error::Singular(message) => Error::Singular(format!("{message}; give another shift=")),
+        other => other,
+    })
+}
+
 /// The n lowest modes of (s^2 M + s D + S) y = 0; D None and S symmetric: K x = lambda M x.
 #[pyfunction]
 #[pyo3(signature = (m, d, s, n, sigma=None))]
@@ -52,7 +67,8 @@ fn sparse_modes<'py>(
     let d = d.map(|d| csc("D", &d)).transpose()?;
     let undamped = d.as_ref().is_none_or(|d| d.value.iter().all(|v| *v == 0.0));
     if undamped && s.is_symmetric() {
-        let modes = interruptible(py, move |cancel| sparse_modal::lowest(&Assembled::new(m, s)?, n, sigma, cancel))?;
+        let modes =
+            interruptible(py, move |cancel| advised(sparse_modal::lowest(&Assembled::new(m, s)?, n, sigma, cancel)))?;
         return symmetric_dict(py, modes);
     }
     let d = d.unwrap_or_else(|| Csc::from_entries(m.rows, m.cols, Vec::new()));
@@ -66,6 +82,12 @@ fn sparse_modes<'py>(
     out.set_item("counts", counts_dict(py, &modes.counts)?)?;
     out.set_item("route", "sparse shift-invert, damped")?;
     Ok(out)
+}
+
+/// As of dense matrices: an error where entries i, j of a matrix differ by more than rounding, `gap` of the largest entry.
+#[pyfunction]
+fn check_symmetry(name: &str, gap: f64, i: usize, j: usize) -> PyResult<()> {
+    Ok(second_order::check_symmetry(name, gap, i, j)?)
 }
 
 /// Number of eigenvalues of K x = lambda M x below a value, None where inertia cannot tell.
@@ -119,7 +141,7 @@ fn mixed_modes<'py>(
     sigma: Option<f64>,
 ) -> PyResult<Bound<'py, PyDict>> {
     let (m, a) = (csc("M", &m)?, csc("A", &a)?);
-    let modes = interruptible(py, move |cancel| sparse_modal::lowest(&Mixed::new(m, a)?, n, sigma, cancel))?;
+    let modes = interruptible(py, move |cancel| advised(sparse_modal::lowest(&Mixed::new(m, a)?, n, sigma, cancel)))?;
     symmetric_dict(py, modes)
 }
 

@@ -7,6 +7,7 @@ use pyo3::types::PyDict;
 
 use super::border::{interruptible, to_numpy_complex};
 use super::modal::as_dict;
+use super::sparse::advised;
 use super::system::{PySystem, effects, state_of};
 use crate::analysis::sparse_bodies::{BodyModes, modes};
 use crate::memory;
@@ -41,7 +42,7 @@ fn sparse_model_modes<'py>(
     let what = format!("{n} modes of {} coordinates", system.0.n_tree());
     memory::require(16.0 * 4.0 * size * count, &what, "ask for fewer modes")?;
     let (mut found, shape) = interruptible(py, move |cancel| {
-        let found = modes(&owned, &state, effects, n, sigma, cancel)?;
+        let found = advised(modes(&owned, &state, effects, n, sigma, cancel))?;
         let shape = minimal(&owned, &found);
         Ok((found, shape))
     })?;

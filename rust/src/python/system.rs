@@ -6,6 +6,7 @@ use numpy::{IntoPyArray, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 
+use crate::analysis::air_states::air_states;
 use crate::analysis::assembly::assemble;
 use crate::analysis::equilibrium::{Equilibrium, equilibrium};
 use crate::analysis::linearize::{Linearization, Setting, linearize, mobility};
@@ -486,6 +487,35 @@ impl PySystem {
             let miss = jacobian * nalgebra::DVector::from_vec(state.rate.clone()) + prescribed;
             Ok(miss.iter().zip(scales).map(|(m, s)| (m * s).abs()).fold(0.0, f64::max))
         })
+    }
+
+    /// States of sections in the air about a linearised state, see `analysis::air_states`; None without any.
+    #[pyo3(signature = (q, rate, without, acceleration=Vec::new(), turn=None))]
+    fn air_states<'py>(
+        &self,
+        py: Python<'py>,
+        q: PyReadonlyArray1<'py, f64>,
+        rate: PyReadonlyArray1<'py, f64>,
+        without: Vec<String>,
+        acceleration: Vec<f64>,
+        turn: Option<PyReadonlyArray2<'py, f64>>,
+    ) -> PyResult<Option<Bound<'py, PyDict>>> {
+        let state = state_of(&self.0, &q, &rate)?;
+        let effects = effects(&without)?;
+        let turn = turn.as_ref().map(table);
+        let found = run(py, &self.0, move |system, _| {
+            let setting = Setting { system, state: &state, memory: &[], acceleration: &acceleration, effects };
+            air_states(&setting, turn.as_ref())
+        })?;
+        let Some(found) = found else { return Ok(None) };
+        let out = PyDict::new(py);
+        for (name, m) in
+            [("effect", &found.effect), ("by_place", &found.by_place), ("by_rate", &found.by_rate), ("own", &found.own)]
+        {
+            out.set_item(name, array(m).into_pyarray(py))?;
+        }
+        out.set_item("air", found.air)?;
+        Ok(Some(out))
     }
 
     /// Where the laws act at a state, see `law_places::law_places`.

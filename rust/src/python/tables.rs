@@ -7,13 +7,14 @@ use pyo3::types::PyDict;
 
 use crate::aero::polar::Polar;
 use crate::aero::section::Inflow;
+use crate::aero::unsteady::Unsteady;
 use crate::error::{Error, Result};
 use crate::force::{External, FunctionLaw};
 use crate::joint::JointKind;
 use crate::model::air::{AirSpec, History, SectionSpec};
 use crate::model::constraint::{ConstraintFunction, ConstraintSpec};
 use crate::model::flexible::{FlexibleSpec, TipSpec};
-use crate::model::layout::{air_inflow, joint_type, load_type};
+use crate::model::layout::{air_inflow, air_unsteady, joint_type, load_type};
 use crate::model::motion::{Function, MotionKind, MotionSpec};
 use crate::model::tables::{
     BodyRef, BodySpec, CouplerSpec, DriveSpec, ElementKind, ElementSpec, FunctionSpec, JointSpec, LawSpec,
@@ -361,7 +362,8 @@ fn load_motions(reader: &Reader<'_, '_>) -> PyResult<Vec<LoadMotionSpec>> {
 
 /// Air and its sections; tables without any need not have their keys.
 fn air(reader: &Reader<'_, '_>, flexible: &Flexible) -> PyResult<(Vec<AirSpec>, Vec<SectionSpec>)> {
-    let Some([inflow, x, history]) = optional(reader, "air", ["inflow", "x", "history_x"])? else {
+    let keys = ["inflow", "x", "history_x", "unsteady"];
+    let Some([inflow, x, history, unsteady]) = optional(reader, "air", keys)? else {
         return Ok((Vec::new(), Vec::new()));
     };
     let names = reader.names("air_name")?;
@@ -377,7 +379,13 @@ fn air(reader: &Reader<'_, '_>, flexible: &Flexible) -> PyResult<(Vec<AirSpec>, 
         };
         let sections = of.iter().filter(|a| **a == i as i64).count();
         let history = usize::try_from(history[i]).ok().map(|x| History { times: times[i].clone(), x, sections });
-        Ok(AirSpec { name, inflow, x: offset(x[i])?, history })
+        let bit = |b: i64| unsteady[i] & b != 0;
+        let unsteady = Unsteady {
+            inflow: bit(air_unsteady::INFLOW),
+            attached: bit(air_unsteady::ATTACHED),
+            stall: bit(air_unsteady::STALL),
+        };
+        Ok(AirSpec { name, inflow, unsteady, x: offset(x[i])?, history })
     };
     let airs = names.into_iter().enumerate().map(one).collect::<PyResult<_>>()?;
     let angles: Vec<Vec<f64>> = reader.item("polar_angle")?.extract()?;

@@ -244,10 +244,6 @@ mod tests {
             Ok(())
         }
 
-        fn residual(&mut self, y: &[f64], p: f64, out: &mut Linearisation) -> Result<()> {
-            self.linearise(y, p, out)
-        }
-
         fn scale(&self, _: &[f64], out: &mut [f64]) {
             out[0] = 1.0;
         }

@@ -11,6 +11,7 @@ use super::inverse::{Base, Family, Guard, Inverse, Step};
 use super::line_search::{self, Rule, norm2};
 use crate::error::Result;
 use crate::linalg::sparse::{Csc, Factor};
+use crate::tolerances::roots::{CURVATURE, DETERMINANT, DIFFERENCE, QUASI_NEWTON};
 
 /// How H is formed anew, at the start and after a stall.
 pub enum Start {
@@ -45,14 +46,14 @@ impl Default for Options {
     fn default() -> Options {
         Options {
             family: Family::Bfgs,
-            tolerance: 1e-10,
+            tolerance: QUASI_NEWTON,
             max_iterations: 500,
             max_evaluations: u64::MAX,
             rule: Rule::default(),
-            guard: Guard { curvature: 1e-12, determinant: (1e-10, 1e10) },
+            guard: Guard { curvature: CURVATURE, determinant: (DETERMINANT, DETERMINANT.recip()) },
             start: Start::Differences,
             memory: None,
-            difference: 1e-7,
+            difference: DIFFERENCE,
             patience: 20,
             restarts: 1,
             fallback: true,

@@ -29,7 +29,6 @@ impl Default for Rule {
 pub struct Taken {
     pub lambda: f64,
     pub norm: f64,
-    pub backtracks: usize,
 }
 
 /// Where the search starts: the point, the direction, |F(x)| and the number k of the iteration.
@@ -63,7 +62,7 @@ pub fn search(
         let reached = norm2(f);
         let full = backtracks == 0 && reached <= rule.rho * norm - rule.sigma2 * length2;
         if full || reached <= (1.0 + eta) * norm - rule.sigma1 * lambda * lambda * length2 {
-            let taken = Taken { lambda, norm: reached, backtracks };
+            let taken = Taken { lambda, norm: reached };
             return Ok((Some(taken), backtracks + 1));
         }
         lambda *= rule.beta;

@@ -41,8 +41,6 @@ pub trait Curve {
     fn size(&self) -> usize;
     /// Residual, Jacobian and slope by the parameter.
     fn linearise(&mut self, y: &[f64], parameter: f64, out: &mut Linearisation) -> Result<()>;
-    /// The residual alone.
-    fn residual(&mut self, y: &[f64], parameter: f64, out: &mut Linearisation) -> Result<()>;
     /// Sizes of the unknowns, all positive: what steps are measured against.
     fn scale(&self, y: &[f64], out: &mut [f64]);
     /// Largest residual of a row, evaluated afresh at this point, over what the tolerance of a step and rounding allow in that row;

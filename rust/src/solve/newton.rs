@@ -6,6 +6,7 @@ use faer::prelude::*;
 use super::{Curve, Linearisation, nan_or_largest};
 use crate::error::Result;
 use crate::run::Cancel;
+use crate::tolerances::roots::{LEAST_DAMPING, STEP_ROUNDING};
 
 #[derive(Debug, Clone, Copy)]
 pub struct Options {
@@ -22,10 +23,6 @@ pub struct Outcome {
     pub step: f64,
     pub reason: &'static str,
 }
-
-const LEAST_DAMPING: f64 = 1e-6;
-/// An ill-conditioned Jacobian may keep the step above the tolerance; below this the point is still taken, and the step told.
-pub(super) const ROUNDING: f64 = 1e-7;
 
 /// Solves R(y, p) = 0 for y at fixed p; `out` ends as the linearisation one step before the returned y.
 pub fn solve(
@@ -75,7 +72,7 @@ pub fn solve(
             }
             damping *= 0.5;
             if damping < LEAST_DAMPING {
-                if step_size <= ROUNDING && curve.row_excess(y, parameter, options.tolerance)? <= 1.0 {
+                if step_size <= STEP_ROUNDING && curve.row_excess(y, parameter, options.tolerance)? <= 1.0 {
                     return Ok(Outcome { converged: true, iterations, step: step_size, reason: "rounding" });
                 }
                 return Ok(gave_up(iterations, step_size, "no step reduces the residual"));
@@ -115,10 +112,6 @@ mod tests {
 
         fn linearise(&mut self, y: &[f64], p: f64, out: &mut Linearisation) -> Result<()> {
             out.jacobian[(0, 0)] = 1.0 / (1.0 + y[0] * y[0]);
-            self.residual(y, p, out)
-        }
-
-        fn residual(&mut self, y: &[f64], p: f64, out: &mut Linearisation) -> Result<()> {
             out.residual[0] = y[0].atan() - p;
             Ok(())
         }

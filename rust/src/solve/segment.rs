@@ -3,6 +3,7 @@ use super::corrector::{Corrector, Options, Point, Target, Workspace, correct, sc
 use super::{Curve, Linearisation};
 use crate::error::Result;
 use crate::run::Cancel;
+use crate::tolerances::roots::{BRACKET, EVENT_SOLVED, NARROW, TORN};
 
 /// The branch between two points, parametrised by the distance s along the tangent of the first. Every trial is corrected onto the
 /// branch, so that what comes back is a solution as well.
@@ -26,7 +27,7 @@ impl Segment {
         let direction = scaled(&a.tangent, &scale);
         let far = scaled(&b.z, &scale);
         let length = far.iter().zip(&centre).zip(&direction).map(|((f, c), d)| (f - c) * d).sum();
-        let options = Options { tolerance: options.tolerance.min(1e-11), ..options };
+        let options = Options { tolerance: options.tolerance.min(EVENT_SOLVED), ..options };
         Segment { scale, centre, direction, far, length, ends: (a.clone(), b.clone()), options }
     }
 
@@ -123,8 +124,8 @@ impl Segment {
                 high = (s, value, x);
                 weights = (weights.0 * 0.5, 1.0);
             }
-            let narrow = (high.0 - low.0).abs() <= 1e-13 * self.length.abs();
-            if narrow || value.abs() <= 1e-13 * ends.0.abs().max(ends.1.abs()) {
+            let narrow = (high.0 - low.0).abs() <= BRACKET * self.length.abs();
+            if narrow || value.abs() <= BRACKET * ends.0.abs().max(ends.1.abs()) {
                 break;
             }
         }
@@ -159,7 +160,7 @@ impl Segment {
         let gap = low.2.iter().zip(&high.2).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt();
         // on one branch the two sides approach each other as s does
         let narrowed = (high.0 - low.0).abs() < 1e-3 * self.length.abs();
-        if !narrowed || gap > 10.0 * (high.0 - low.0).abs() + 1e-6 {
+        if !narrowed || gap > 10.0 * (high.0 - low.0).abs() + TORN {
             return Ok(Jump::Torn);
         }
         let width = (high.0 - low.0).abs() / self.length.abs();
@@ -174,6 +175,3 @@ pub enum Jump {
     /// the points belong to different branches
     Torn,
 }
-
-/// Part of a segment down to which a jump is bracketed.
-const NARROW: f64 = 1e-9;

@@ -2,10 +2,14 @@
 use num_dual::Dual;
 
 use crate::aero::section::{Flow, Place, Section, displaced};
+use crate::aero::unsteady::Memory;
 use crate::model::air::{AirGeometry, SectionSpec};
+use crate::model::geometry::Geometry;
 use crate::spatial::{M3, Map6, Real, Six, V3, turned};
 use crate::system::assemble::Scene;
-use crate::system::connector::{Elastic, Interaction};
+use crate::system::connector::{Elastic, Interaction, Numbers};
+use crate::system::placement::Placement;
+use crate::system::topology::Topology;
 
 /// One section as it is now.
 pub struct Here<'p, T: Real> {
@@ -15,16 +19,56 @@ pub struct Here<'p, T: Real> {
     pub induced: V3<T>,
     pub section: Section<'p, T>,
     pub place: Place<T>,
+    pub memory: Memory<T>,
 }
 
-impl<T: Real> Here<'_, T> {
+impl<'p, T: Real> Here<'p, T> {
+    pub fn new(
+        topology: &'p Topology,
+        geometry: &'p Geometry<T>,
+        placement: &Placement<T>,
+        numbers: Numbers<'_, T>,
+        index: usize,
+    ) -> Self {
+        let tables = &topology.tables;
+        let spec = &tables.sections[index];
+        let (own, of) = (&geometry.sections[index], &tables.air[spec.air]);
+        let air = &geometry.air[spec.air];
+        let node = topology.node_of_body[spec.body];
+        let pose = &placement.pose[node];
+        let arm = turned(&pose.r, &own.local);
+        let velocity = placement.velocity.as_ref().map_or_else(Six::zero, |v| v.body[node].motion_at(&arm));
+        let history = of.history.as_ref();
+        let places = topology.section_memory(index);
+        Here {
+            spec,
+            air,
+            induced: history.map_or_else(V3::zeros, |h| h.velocity(numbers.x, spec.number, numbers.t)),
+            section: own.section(spec, air, of),
+            place: Place { p: pose.p + arm, r: pose.r, velocity },
+            memory: Memory::read(numbers.memory.get(places).unwrap_or(&[])),
+        }
+    }
+
     /// Velocity of the air at a point, without what annuli induce.
     fn velocity(&self, point: &V3<T>) -> V3<T> {
         self.air.wind(point) + turned(&self.place.r, &self.induced)
     }
 
     fn wrench(&self) -> Six<T> {
-        self.section.wrench(&self.place, |p| self.velocity(p))
+        self.section.wrench(&self.place, &self.memory, |p| self.velocity(p))
+    }
+
+    /// What the air does at the section.
+    pub fn flow(&self) -> Flow<T> {
+        self.section.flow(&self.place, &self.memory, |p| self.velocity(p))
+    }
+
+    /// The flow with the states that are given, not solved for.
+    pub fn flow_of(&self, states: &[T]) -> Flow<T> {
+        let mut memory = Memory { gain: T::zero(), ..self.memory };
+        memory.base[..states.len()].copy_from_slice(states);
+        self.section.flow(&self.place, &memory, |p| self.velocity(p))
     }
 
     /// The wrench about the fixed place of the section's point, after a small displacement and a change of the velocity field there.
@@ -38,22 +82,7 @@ impl<T: Real> Here<'_, T> {
 
 impl<T: Real> Scene<'_, T> {
     pub fn here(&self, index: usize) -> Here<'_, T> {
-        let tables = &self.topology.tables;
-        let spec = &tables.sections[index];
-        let numbers = &self.geometry.sections[index];
-        let air = &self.geometry.air[spec.air];
-        let node = self.topology.node_of_body[spec.body];
-        let pose = &self.placement.pose[node];
-        let arm = turned(&pose.r, &numbers.local);
-        let velocity = self.placement.velocity.as_ref().map_or_else(Six::zero, |v| v.body[node].motion_at(&arm));
-        let history = tables.air[spec.air].history.as_ref();
-        Here {
-            spec,
-            air,
-            induced: history.map_or_else(V3::zeros, |h| h.velocity(self.x, spec.number, self.t)),
-            section: numbers.section(spec, air, tables.air[spec.air].inflow),
-            place: Place { p: pose.p + arm, r: pose.r, velocity },
-        }
+        Here::new(self.topology, self.geometry, self.placement, self.numbers(), index)
     }
 
     /// Sections that act.
@@ -70,7 +99,7 @@ impl<T: Real> Scene<'_, T> {
     pub fn air_flows(&self) -> Vec<(Place<T>, Flow<T>)> {
         let one = |i: usize| {
             let here = self.here(i);
-            let mut flow = here.section.flow(&here.place, |p| here.velocity(p));
+            let mut flow = here.flow();
             flow.induced += turned(&here.place.r, &here.induced);
             (here.place, flow)
         };
@@ -105,17 +134,32 @@ type Slopes<T> = [[T; 6]; 6];
 impl<T: Real> Here<'_, T> {
     /// dW/dxi and dW/dxi' about the fixed place of the section's point.
     fn slopes(&self) -> (Slopes<T>, Slopes<T>) {
-        let lift = |v: T| Dual::from_re(v);
-        let (air, induced) = (self.air.map(&mut { lift }), self.induced.map(lift));
-        let here =
-            Here { spec: self.spec, air: &air, induced, section: self.section.map(lift), place: self.place.map(lift) };
+        self.with(Dual::from_re, |here| here.slopes_on_duals())
+    }
+
+    /// A function of the same section over other numbers.
+    pub fn with<U: Real, R>(&self, lift: impl Fn(T) -> U, f: impl Fn(&Here<'_, U>) -> R) -> R {
+        let air = self.air.map(&mut { &lift });
+        f(&Here {
+            spec: self.spec,
+            air: &air,
+            induced: self.induced.map(&lift),
+            section: self.section.map(&lift),
+            place: self.place.map(&lift),
+            memory: self.memory.map(&lift),
+        })
+    }
+}
+
+impl<T: Real> Here<'_, Dual<T>> {
+    fn slopes_on_duals(&self) -> (Slopes<T>, Slopes<T>) {
         let zero = [[T::zero(); 6]; 6];
         let (mut k, mut c) = (zero, zero);
         for j in 0..6 {
             let along = unit(j).map(|v| Dual::new(T::zero(), v));
             let along = Six::new(V3::from_fn(|i, _| along[i]), V3::from_fn(|i, _| along[3 + i]));
             for (slopes, xi, rate) in [(&mut k, along, Six::zero()), (&mut c, Six::zero(), along)] {
-                let w = here.wrench_after(&xi, &rate);
+                let w = self.wrench_after(&xi, &rate);
                 for (i, row) in slopes.iter_mut().enumerate() {
                     row[j] = w.get(i).eps;
                 }

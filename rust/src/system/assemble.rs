@@ -21,22 +21,34 @@ use crate::system::topology::{Connector, Owner, Topology};
 /// What is computed: an effect that a model does not contain costs nothing anyway; these switch off what it contains.
 #[derive(Debug, Clone, Copy)]
 pub struct Effects {
+    /// weight
     pub gravity: bool,
+    /// forces of velocities
     pub damping: bool,
+    /// Coriolis terms of a linearisation
     pub gyroscopic: bool,
+    /// forces of inertia that are quadratic in velocities
     pub centrifugal: bool,
+    /// stiffness of forces in springs and of loads that turn
     pub preload_stiffness: bool,
+    /// stiffness of forces in joints
     pub constraint_force_stiffness: bool,
     /// slopes of nonlinear laws: off where harmonic balance adds the laws themselves
     pub law_slopes: bool,
+    /// laws of dry friction
     pub friction: bool,
+    /// laws of contact
     pub contact: bool,
+    /// rows that restrict velocities alone
     pub nonholonomic: bool,
+    /// motions that joints follow
     pub drives: bool,
+    /// forces of the air
     pub aerodynamics: bool,
 }
 
 impl Effects {
+    /// Everything that the model contains.
     pub const ALL: Effects = Effects {
         gravity: true,
         damping: true,

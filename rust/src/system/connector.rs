@@ -14,6 +14,7 @@ use crate::system::connector_force::response;
 use crate::system::placement::{Placement, marker_pose};
 use crate::system::topology::{Connector, Natural, Owner, Topology};
 pub use crate::system::wanted::Wanted;
+use crate::tolerances::coordinates::SAME_POINT;
 
 /// A wrench on b about the current place of p_B (world axes), the opposite on a; tangents where they were asked for.
 #[derive(Debug, Clone)]
@@ -40,8 +41,6 @@ pub struct Elastic<T: Real> {
 
 /// Differences of places are known to this part of the places, after the rotations along a short path.
 const ROUNDING: f64 = 32.0 * f64::EPSILON;
-/// Ends closer than this part of the characteristic length have no direction between them.
-const COLLAPSED: f64 = 1e-12;
 
 /// The numbers of the model and what its laws remember.
 #[derive(Debug, Clone, Copy)]
@@ -255,11 +254,11 @@ pub fn collapsed<'t>(
     let rods = tables.joints.iter().zip(&geometry.joints);
     let spring = springs
         .filter(|(e, _)| e.kind == ElementKind::SpringDamper)
-        .find(|(e, pair)| apart(e.a, e.b, pair) <= COLLAPSED * length)
+        .find(|(e, pair)| apart(e.a, e.b, pair) <= SAME_POINT * length)
         .map(|(e, _)| e.name.as_str());
     spring.or_else(|| {
         rods.filter(|(j, _)| j.kind.has_length())
-            .find(|(j, pair)| apart(j.a, j.b, pair) <= COLLAPSED * length)
+            .find(|(j, pair)| apart(j.a, j.b, pair) <= SAME_POINT * length)
             .map(|(j, _)| j.name.as_str())
     })
 }

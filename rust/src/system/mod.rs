@@ -58,9 +58,11 @@ use crate::system::topology::Topology;
 /// Topology plus values: immutable and cheap to clone; new values keep the topology.
 #[derive(Debug, Clone)]
 pub struct System {
+    /// what does not depend on the numbers: shared with all other values of the model
     pub topology: Arc<Topology>,
+    /// the numbers of the model, as of its Tables
     pub x: Arc<Vec<f64>>,
-    pub geometry: Arc<Geometry<f64>>,
+    pub(crate) geometry: Arc<Geometry<f64>>,
     /// characteristic length: makes ranks and minimum-norm reactions independent of units
     pub length: f64,
     /// accuracy of what was drawn: of lengths over `length`, and of angles (rad)
@@ -71,6 +73,7 @@ pub struct System {
 }
 
 impl System {
+    /// Checks the Tables and compiles them. Errors name what is wrong in them. O(n) without loops.
     pub fn new(tables: Tables) -> Result<Self> {
         tables.check()?;
         let x = tables.x.clone();
@@ -78,6 +81,7 @@ impl System {
         Ok(Self::from_parts(topology, x))
     }
 
+    /// The same model with other numbers in place of `x`; the topology is kept.
     pub fn with_values(&self, x: Vec<f64>) -> Result<Self> {
         if x.len() != self.x.len() {
             return Err(crate::error::Error::model(format!(

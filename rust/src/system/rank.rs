@@ -434,3 +434,37 @@ fn weight(seed: u64, k: usize) -> f64 {
     let w = angle.sin();
     if w < 0.0 { w - 0.2 } else { w + 0.2 }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Which singular values of rows with these are doubtful at a tolerance of 1e-7.
+    fn doubtful(values: &[f64]) -> Result<Vec<f64>> {
+        let n = values.len();
+        let all: Vec<usize> = (0..n).collect();
+        let block = Block { rows: all.clone(), n_position: n, columns: all, position_rank: n, rank: n, fixed: None };
+        let m = DMatrix::from_diagonal(&DVector::from_row_slice(values));
+        Ok(rank_of_block(&m, &block, &vec![0.0; n], 1e-7)?.doubtful)
+    }
+
+    #[test]
+    fn constraints_near_the_tolerance_are_doubtful() -> Result<()> {
+        // beside others that are nearly as weak
+        assert_eq!(doubtful(&[2e-3, 5e-5])?, [5e-5]);
+        assert!(doubtful(&[1e-2, 5e-4])?.is_empty());
+        Ok(())
+    }
+
+    #[test]
+    fn constraints_far_below_all_others_are_doubtful_for_longer() -> Result<()> {
+        assert_eq!(doubtful(&[1.0, 5e-4])?, [5e-4]);
+        assert!(doubtful(&[1.0, 5e-3])?.is_empty());
+        Ok(())
+    }
+
+    #[test]
+    fn weak_constraints_are_apart_from_their_bound_on() {
+        assert!(is_apart(&[0.1, 1e-4], 1e-3) && !is_apart(&[2e-3, 1e-4], 1e-3));
+    }
+}

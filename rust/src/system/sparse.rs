@@ -30,9 +30,8 @@ use crate::system::rank::bounds;
 use crate::system::singular_pose::reduction;
 use crate::system::topology::Owner;
 use crate::tolerances::constraints::CLOSED_ROUNDING;
-
-/// A stiffness matrix whose skew part is larger than this is not that of an energy.
-const SYMMETRIC: f64 = 1e-12;
+use crate::tolerances::coordinates::SAME_POINT;
+use crate::tolerances::matrices::{NO_ENERGY, NO_SPRING};
 
 pub type Entries = Vec<(usize, usize, f64)>;
 
@@ -51,7 +50,6 @@ pub struct SparseForm {
     pub loops: Option<LoopBlocks>,
     /// largest generalised force out of balance over the size of all forces, and its tree coordinate
     pub unbalanced: (f64, usize),
-    pub loaded: bool,
 }
 
 impl SparseForm {
@@ -99,7 +97,6 @@ impl SparseForm {
             placement,
             loops,
             unbalanced,
-            loaded,
         })
     }
 
@@ -173,7 +170,7 @@ fn loaded(system: &System, state: &State, effects: Effects) -> Result<bool> {
     let apart = |a: usize, b: usize| {
         let p = V3::from_fn(|k, _| x[a + k]);
         let q = V3::from_fn(|k, _| x[b + k]);
-        (q - p).norm() > 1e-12 * (system.length + p.norm())
+        (q - p).norm() > SAME_POINT * (system.length + p.norm())
     };
     let gravity = effects.gravity && system.geometry.gravity.is_some_and(|g| g.norm() > 0.0);
     let joint = |j: &crate::model::tables::JointSpec| {
@@ -210,11 +207,11 @@ fn loaded(system: &System, state: &State, effects: Effects) -> Result<bool> {
 /// By how much closing loops that are drawn closed may move joints: rounding of points, in lengths of their loops or radians.
 fn closing(system: &System, state: &State, effects: Effects) -> Result<f64> {
     if system.topology.rows.is_empty() {
-        return Ok(1e-12);
+        return Ok(SAME_POINT);
     }
     let rows = &system.decision(effects)?.rows;
     let rounding = bounds(system, &state.q, effects, rows).into_iter().fold(0.0, f64::max);
-    Ok((CLOSED_ROUNDING * rounding).max(1e-12))
+    Ok((CLOSED_ROUNDING * rounding).max(SAME_POINT))
 }
 
 fn masses(system: &System, placement: &Placement<f64>) -> Vec<Map6<f64>> {
@@ -329,7 +326,7 @@ impl Builder<'_> {
             let d = k(i, i).abs();
             if d > 0.0 { d.sqrt() } else { 1.0 }
         };
-        let skewed = (0..n).any(|i| (0..n).any(|j| (t.k[i][j] - t.k[j][i]).abs() > SYMMETRIC * size(i) * size(j)));
+        let skewed = (0..n).any(|i| (0..n).any(|j| (t.k[i][j] - t.k[j][i]).abs() > NO_ENERGY * size(i) * size(j)));
         if skewed {
             let topology = self.scene.topology;
             let name = match topology.connectors[index].owner {
@@ -348,7 +345,7 @@ impl Builder<'_> {
         let (u, w) = (eigen.U(), eigen.S().column_vector());
         let largest = (0..n).map(|p| w[p].abs()).fold(0.0, f64::max);
         for p in 0..n {
-            if w[p].abs() <= 1e-14 * largest {
+            if w[p].abs() <= NO_SPRING * largest {
                 continue;
             }
             let mut sum: Spread = Vec::new();

@@ -9,10 +9,7 @@ use crate::spatial::{M3, Real, V3};
 use crate::system::binding::connectors;
 use crate::system::islands::islands;
 use crate::system::tree::spanning_tree;
-use crate::tolerances::coordinates::NEARLY_PARALLEL;
-
-/// Points closer than this part of their distance from the world origin are one.
-const COINCIDENT: f64 = 1e-12;
+use crate::tolerances::coordinates::{NEARLY_PARALLEL, SAME_POINT};
 
 /// A body in the tree, and the joint that carries it.
 #[derive(Debug, Clone)]
@@ -199,8 +196,10 @@ pub struct Topology {
     pub connectors: Vec<Connector>,
     /// how many numbers q has: those of the joints by node, then modal coordinates
     pub n_q: usize,
-    /// numbers that laws remember
+    /// numbers that laws and sections in the air remember
     pub n_memory: usize,
+    /// where those of each section begin, and where they end
+    pub air_memory: Vec<usize>,
     /// hinges that turn the two angles of each marker pair: joints, then elements
     pub turning: Vec<[Turning; 2]>,
 }
@@ -218,7 +217,16 @@ impl Topology {
                 out[law.memory..law.memory + rest.len()].copy_from_slice(&rest);
             }
         }
+        for own in (0..self.tables.sections.len()).map(|i| self.section_memory(i)).filter(|own| !own.is_empty()) {
+            out[own.start..own.end - 1].fill(0.0);
+            out[own.end - 1] = f64::INFINITY;
+        }
         out
+    }
+
+    /// Places in the memory of a section in the air: its states and their gain.
+    pub fn section_memory(&self, index: usize) -> std::ops::Range<usize> {
+        self.air_memory[index]..self.air_memory[index + 1]
     }
 
     pub fn new(tables: Tables) -> Result<Self> {
@@ -246,7 +254,11 @@ impl Topology {
         let n_tree = names.len();
         let mut rows: Vec<_> = cut.iter().flat_map(|j| cut_rows(&tables, *j)).collect();
         rows.extend(imposed_rows(&tables));
-        let (connectors, n_memory) = connectors(&tables)?;
+        let (connectors, of_laws) = connectors(&tables)?;
+        let mut air_memory = vec![of_laws];
+        for section in &tables.sections {
+            air_memory.push(air_memory[air_memory.len() - 1] + tables.air[section.air].unsteady.memory());
+        }
         let island = islands(&tables, &nodes, &node_of_body, &connectors);
         let n_q = nodes.iter().map(|n| n.kind.nq()).sum::<usize>() + modal.iter().map(|m| m.m).sum::<usize>();
         let mut made = Topology {
@@ -262,7 +274,8 @@ impl Topology {
             rows,
             connectors,
             n_q,
-            n_memory,
+            n_memory: air_memory[air_memory.len() - 1],
+            air_memory,
             turning: Vec::new(),
         };
         made.turning = made.turning_hinges();
@@ -429,7 +442,7 @@ impl Topology {
         let squares = points.iter().map(|p| (p - mean).dot(&(p - mean)));
         // points that are one but for rounding make no length
         let far = points.iter().map(|p| p.map(|v| v.re()).amax());
-        let rounding = COINCIDENT * far.fold(0.0, f64::max);
+        let rounding = SAME_POINT * far.fold(0.0, f64::max);
         let farthest = squares.fold(T::zero(), |a, b| if b.re() > a.re() { b } else { a });
         if farthest.re() > rounding * rounding { farthest.sqrt() } else { T::one() }
     }

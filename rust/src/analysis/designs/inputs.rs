@@ -1,5 +1,6 @@
 //! From a row of values to the numbers of a model, with their directions.
 use crate::expressions::Program;
+use crate::tolerances::designs::NEARLY_COLLAPSED;
 
 /// What a column of the designs sets, or a derivative is taken by.
 #[derive(Debug, Clone)]
@@ -23,9 +24,6 @@ pub enum Rule {
     Apart(usize, usize),
 }
 
-/// Points nearer to each other than this share of their distances from the origin are left to the caller.
-const NEAR: f64 = 1e-6;
-
 impl Rule {
     fn holds(self, x: &[f64]) -> bool {
         match self {
@@ -42,7 +40,7 @@ impl Rule {
             Rule::Apart(a, b) => {
                 let norm = |at: &dyn Fn(usize) -> f64| (0..3).map(|k| at(k).powi(2)).sum::<f64>().sqrt();
                 let size = norm(&|k| x[a + k]).max(norm(&|k| x[b + k]));
-                norm(&|k| x[b + k] - x[a + k]) > NEAR * size
+                norm(&|k| x[b + k] - x[a + k]) > NEARLY_COLLAPSED * size
             }
         }
     }

@@ -12,6 +12,7 @@ use faer::prelude::*;
 use crate::error::{Error, Result};
 use crate::linalg::dense::{C, dot, real_times};
 use crate::second_order::SecondOrder;
+use crate::tolerances::modes::STILL_RIGID;
 
 pub use shapes::shape_derivatives;
 pub use slices::{Directions, Slices};
@@ -59,9 +60,6 @@ pub struct EigenSensitivity {
     pub eigenvalue: Mat<C>,
     pub groups: Vec<Vec<Mat<C>>>,
 }
-
-/// A change of a rigid mode's stiffness below this share of its terms leaves the mode rigid.
-const STILL_RIGID: f64 = 1e-10;
 
 fn undefined() -> C {
     C::new(f64::NAN, f64::NAN)

@@ -7,6 +7,7 @@ use crate::error::{Error, Result};
 use crate::force::{AnyLaw, Class};
 use crate::system::connector::motion_of;
 use crate::system::topology::{BoundLaw, Owner};
+use crate::tolerances::sensitivity::IMPACT;
 
 /// A kink that the motion passed.
 #[derive(Debug, Clone)]
@@ -125,7 +126,7 @@ pub fn no_impact(eq: &Equations<'_, f64>, start: f64, end: f64) -> Result<()> {
         for t in motion.kinks().into_iter().filter(|t| *t > start && *t <= end) {
             let before = t - 4.0 * f64::EPSILON * t.abs();
             let (a, b) = (motion.at(before)[1], motion.at(t)[1]);
-            if (a - b).abs() > 1e-9 * a.abs().max(b.abs()) {
+            if (a - b).abs() > IMPACT * a.abs().max(b.abs()) {
                 return Err(Error::NotDifferentiable(format!(
                     "the rate that '{}' imposes jumps from {a} to {b} at t = {t:.9} s: an impact, and the motion is not \
                      differentiable there; end before it, or impose a motion with a continuous rate (mb.Sine, mb.Polynomial)",

@@ -2,7 +2,9 @@
 use std::borrow::Cow;
 
 use crate::analysis::transient::ali3p::{Factors, Record, Trend, Weight};
+use crate::analysis::transient::dop853_numbers::STAGES;
 use crate::analysis::transient::generalized_alpha::{Carried, GeneralizedAlpha, Parameters};
+use crate::analysis::transient::radau::{FIVE, Radau};
 use crate::analysis::transient::{Equations, Instant, Scheme};
 use crate::error::{Error, Result};
 use crate::run::{Cancel, Counts};
@@ -17,6 +19,7 @@ pub enum Rule {
     /// spectral radius at infinity
     Alpha(f64),
     Explicit,
+    Radau,
 }
 
 /// A quadrature over each step: what its start and its end count, and (fraction of the step, weight) of nodes inside.
@@ -32,6 +35,12 @@ impl Rule {
             Rule::Explicit => {
                 Quadrature { ends: [start_weight(), 0.0], inner: inner_nodes().map(|(_, c, b)| (c, b)).collect() }
             }
+            // at all stages, the last of them before the end is moved to the constraints: as a state would be integrated
+            Rule::Radau => {
+                let weights = FIVE.a.last().copied().unwrap_or_default();
+                let inner = FIVE.c.iter().zip(weights).map(|(c, b)| (*c, *b)).collect();
+                Quadrature { ends: [0.0, 0.0], inner }
+            }
             Rule::Ali3p(_) | Rule::Alpha(_) => Quadrature { ends: [0.5, 0.5], inner: Vec::new() },
         }
     }
@@ -39,18 +48,19 @@ impl Rule {
     pub fn n_inner(&self) -> usize {
         match self {
             Rule::Explicit => inner_nodes().count(),
+            Rule::Radau => FIVE.stages(),
             Rule::Ali3p(_) | Rule::Alpha(_) => 0,
         }
     }
 
     /// Is the metric of its projections differentiated too?
     pub fn bends(&self) -> bool {
-        !matches!(self, Rule::Explicit)
+        matches!(self, Rule::Ali3p(_) | Rule::Alpha(_))
     }
 
     /// Does a step solve for the states of laws by the trapezoidal rule?
     pub fn opens_states(&self) -> bool {
-        !matches!(self, Rule::Explicit)
+        matches!(self, Rule::Ali3p(_) | Rule::Alpha(_))
     }
 
     /// Numbers of the factors of one step.
@@ -58,7 +68,8 @@ impl Rule {
         match self {
             Rule::Ali3p(_) => 4 * n * n + 4 * n * rows,
             Rule::Alpha(_) => 0,
-            Rule::Explicit => runge_kutta::kept(n, rows),
+            Rule::Explicit => runge_kutta::kept(STAGES, n, rows),
+            Rule::Radau => runge_kutta::kept(FIVE.stages(), n, rows),
         }
     }
 }
@@ -76,7 +87,7 @@ impl Here {
     /// Before the first step.
     pub fn first(instant: Instant, rule: Rule) -> Self {
         let carried = match rule {
-            Rule::Ali3p(_) | Rule::Explicit => None,
+            Rule::Ali3p(_) | Rule::Explicit | Rule::Radau => None,
             Rule::Alpha(_) => Some(Carried {
                 t: instant.motion.t,
                 a: instant.acceleration.clone(),
@@ -95,6 +106,7 @@ pub enum Made {
     Ali3p(Record, Box<Factors>),
     Alpha(Parameters, f64),
     RungeKutta(Box<Stages>),
+    Radau(Box<Stages>),
 }
 
 impl Here {
@@ -113,14 +125,14 @@ impl Made {
         match self {
             Made::Ali3p(record, _) => record.h,
             Made::Alpha(_, h) => *h,
-            Made::RungeKutta(stages) => stages.h,
+            Made::RungeKutta(stages) | Made::Radau(stages) => stages.h,
         }
     }
 
     /// The start of the step as the scheme takes it.
     pub fn start<'h>(&self, eq: &Equations<'_, f64>, from: &'h Here) -> Cow<'h, Here> {
         match self {
-            Made::RungeKutta(_) => Cow::Borrowed(from),
+            Made::RungeKutta(_) | Made::Radau(_) => Cow::Borrowed(from),
             _ => from.opened(eq, self.length()),
         }
     }
@@ -129,7 +141,17 @@ impl Made {
     pub fn inner(&self) -> Vec<&Instant> {
         match self {
             Made::RungeKutta(stages) => inner_nodes().map(|(i, ..)| &stages.all[i].at).collect(),
+            Made::Radau(stages) => stages.all.iter().map(|s| &s.at).collect(),
             _ => Vec::new(),
+        }
+    }
+
+    /// Which node inside the step a stage is.
+    pub fn node_of(&self, stage: usize) -> Option<usize> {
+        match self {
+            Made::RungeKutta(_) => inner_nodes().position(|(s, ..)| s == stage),
+            Made::Radau(_) => Some(stage),
+            _ => None,
         }
     }
 }
@@ -139,13 +161,14 @@ pub struct March<'a> {
     eq: &'a Equations<'a, f64>,
     plan: &'a Plan,
     alpha: Option<GeneralizedAlpha>,
+    radau: Option<Radau>,
     /// tangents come along with the factors; on the way back they are of no use
     tangents: bool,
 }
 
 impl<'a> March<'a> {
     pub fn new(eq: &'a Equations<'a, f64>, plan: &'a Plan) -> Self {
-        March { eq, plan, alpha: None, tangents: false }
+        March { eq, plan, alpha: None, radau: None, tangents: false }
     }
 
     pub fn with_tangents(self) -> Self {
@@ -155,6 +178,7 @@ impl<'a> March<'a> {
     /// Forget factorisations: steps from here on are the same whatever was before.
     pub fn forget(&mut self) {
         self.alpha = None;
+        self.radau = None;
     }
 
     /// The end of step i, memories included, and how it came about.
@@ -210,6 +234,17 @@ impl<'a> March<'a> {
                 self.eq.remember(&mut end.motion, counts);
                 let here = Here { instant: end, carried: None, trend: Trend::default() };
                 Ok((here, Made::RungeKutta(Box::new(stages))))
+            }
+            Rule::Radau => {
+                let scheme = self.radau.get_or_insert_with(|| Radau::new(None).recording());
+                let mut step = scheme.step(self.eq, &from.instant, h, false, counts)?;
+                let stages = Stages::implicit(h, scheme.recorded(), &step.end);
+                self.eq.same_branch(stages.rate(), &step.end, h)?;
+                step.end.motion.t = t;
+                self.eq.remember(&mut step.end.motion, counts);
+                scheme.accept(self.eq, &from.instant, &step, h);
+                let here = Here { instant: step.end, carried: None, trend: Trend::default() };
+                Ok((here, Made::Radau(Box::new(stages))))
             }
         }
     }

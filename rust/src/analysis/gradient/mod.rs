@@ -1,9 +1,9 @@
 //! Gradients of a motion: the derivative of the discrete solution, forwards along directions and backwards, of ALI3-P, of
-//! generalised-alpha and of the explicit Runge-Kutta method of order eight.
+//! generalised-alpha, of the explicit Runge-Kutta method of order eight and of Radau IIA of order five.
 //!
 //! Steps, iteration counts and multiplier updates are those of the motion itself: every step is the solution of three implicit
 //! systems (`transient::ali3p`, `alpha`), each differentiated by the implicit function theorem with the matrices of the step, or a
-//! row of explicit stages (`runge_kutta`).
+//! row of explicit stages (`runge_kutta`), or stages that are solved for together (`radau`).
 //!
 //! | file | |
 //! |---|---|
@@ -13,6 +13,7 @@
 //! | `kinks` | where a motion has no derivative |
 //! | `alpha` | a step of generalised-alpha as equations |
 //! | `runge_kutta` | a step of the explicit method as equations |
+//! | `radau` | the same of Radau's method: one linear system for all stages |
 //! | `direct/` | all directions along with the motion |
 //! | `adjoint/` | the steps backwards, with checkpoints |
 //! | `power/` | the virtual power of a step and its derivative by everything |
@@ -24,6 +25,7 @@ pub mod kinks;
 pub mod march;
 mod power;
 pub mod quantity;
+mod radau;
 mod reactions;
 pub mod runge_kutta;
 pub mod start;

@@ -16,6 +16,7 @@ use crate::system::loops::Loops;
 use crate::system::placement::Placement;
 
 use super::quantity::Point;
+use crate::tolerances::constraints::FELT;
 
 /// Wrench on the second body of every joint at its point, world.
 pub fn joint_reactions<T: Real>(
@@ -81,6 +82,6 @@ fn orthonormal(m: &DMatrix<f64>) -> Result<DMatrix<f64>> {
     let v = svd.v_t.ok_or_else(|| Error::singular("redundant reactions could not be shared"))?;
     let largest = svd.singular_values.amax();
     let kept: Vec<usize> =
-        (0..svd.singular_values.len()).filter(|k| svd.singular_values[*k] > 1e-10 * largest).collect();
+        (0..svd.singular_values.len()).filter(|k| svd.singular_values[*k] > FELT * largest).collect();
     Ok(DMatrix::from_fn(m.ncols(), kept.len(), |i, k| v[(kept[k], i)] / svd.singular_values[kept[k]]))
 }

@@ -9,7 +9,7 @@
 //! of one step, and so smaller than the error of the step.
 use num_dual::Dual64;
 
-use crate::analysis::transient::dop853_numbers::{A, B, C, Row, STAGES};
+use crate::analysis::transient::dop853_numbers::{A, B, C, Row};
 use crate::analysis::transient::explicit8::{Coordinates, Explicit8, RecordedStage};
 use crate::analysis::transient::rotations::{Maps, increment_slope, rotation_triples};
 use crate::analysis::transient::{Equations, Instant, Motion, Scheme};
@@ -19,7 +19,7 @@ use crate::linalg::rows::Level as Asked;
 use crate::run::Counts;
 use crate::spatial::V3;
 
-/// A step with its stages, the first of which is its start.
+/// A step with its stages; of the explicit method the first is its start, of an implicit one the last is its end.
 pub struct Stages {
     pub h: f64,
     pub all: Vec<RecordedStage>,
@@ -27,6 +27,19 @@ pub struct Stages {
     pub increment: Vec<f64>,
     /// the end, with the memories before laws march theirs
     pub end: Motion<f64>,
+}
+
+impl Stages {
+    /// Of a method whose end is its last stage.
+    pub fn implicit(h: f64, all: Vec<RecordedStage>, end: &Instant) -> Self {
+        let increment = all.last().map(|s| s.increment.clone()).unwrap_or_default();
+        Stages { h, all, increment, end: end.motion.clone() }
+    }
+
+    /// Rates of the last stage.
+    pub fn rate(&self) -> &[f64] {
+        self.all.last().map_or(&[], |s| &s.at.motion.rate)
+    }
 }
 
 /// How the sums of stage i weigh the stages before it.
@@ -44,19 +57,14 @@ pub fn inner_nodes() -> impl Iterator<Item = (usize, f64, f64)> {
     B.iter().filter(|(i, _)| *i > 0).map(|(i, b)| (*i, C[*i], *b))
 }
 
-/// Does the end weigh this stage after the first?
-pub fn is_inner(stage: usize) -> bool {
-    inner_nodes().any(|(i, ..)| i == stage)
-}
-
 /// What the start of a step counts in a quadrature over the step.
 pub fn start_weight() -> f64 {
     B.iter().find(|(i, _)| *i == 0).map_or(0.0, |(_, b)| *b)
 }
 
 /// Numbers that a step keeps for going back.
-pub fn kept(n: usize, rows: usize) -> usize {
-    STAGES * (4 * n + rows)
+pub fn kept(stages: usize, n: usize, rows: usize) -> usize {
+    stages * (4 * n + rows)
 }
 
 /// A step of length h, and its stages.

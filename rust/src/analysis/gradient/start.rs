@@ -22,6 +22,7 @@ use crate::tolerances::constraints::REDUNDANT_OPEN;
 
 use super::direct::slopes::Slopes;
 use super::{Direction, Follow, Plan};
+use crate::tolerances::sensitivity::DRAWN_OPEN;
 
 /// The first instant with its derivative along one direction.
 pub struct Start {
@@ -175,7 +176,7 @@ impl<'a> Starting<'a> {
             })
             .fold(0.0, f64::max);
         // below the second bound both are rounding
-        if left > REDUNDANT_OPEN * self.eq.system.tolerance * size && left > 1e-10 {
+        if left > REDUNDANT_OPEN * self.eq.system.tolerance * size && left > DRAWN_OPEN {
             return Err(Error::NotDifferentiable(format!(
                 "this parameter breaks a redundant loop open: its constraints agree only at the present value (they part at the rate \
                  {left:.1e}), so the derivative does not exist; vary parameters that keep the loop closed together, or release the \
@@ -306,8 +307,6 @@ fn closing_by(
     Ok((Kkt::with_columns(weight, &rows.transpose(), &rows, kept)?, rows))
 }
 
-/// Loops that are drawn open by more than this (relative) are closed along a path that matters.
-const DRAWN_OPEN: f64 = 1e-10;
 const CLOSING_STEPS: usize = 100;
 
 /// The Newton steps of the assembly once more, as `assembly::close` makes them; none where the loops are drawn closed.

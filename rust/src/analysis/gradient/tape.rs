@@ -482,13 +482,17 @@ impl DualNum for Taped {
         self.one_of(self.re.atanh(), 1.0 / (1.0 - self.re * self.re))
     }
 
-    // no law uses Bessel functions: by their closed forms, with the series where these cancel
+    // no law uses Bessel functions: by their closed forms, with the series where the next term of that of the first is below rounding
     fn sph_j0(&self) -> Self {
-        if self.re.abs() < 1e-4 { -*self * *self * (1.0 / 6.0) + 1.0 } else { self.sin() / *self }
+        if self.re.powi(4) < f64::EPSILON { -*self * *self * (1.0 / 6.0) + 1.0 } else { self.sin() / *self }
     }
 
     fn sph_j1(&self) -> Self {
-        if self.re.abs() < 1e-4 { *self * (1.0 / 3.0) } else { (self.sin() - self.cos() * *self) / (*self * *self) }
+        if self.re.powi(4) < f64::EPSILON {
+            *self * (1.0 / 3.0)
+        } else {
+            (self.sin() - self.cos() * *self) / (*self * *self)
+        }
     }
 
     fn sph_j2(&self) -> Self {

@@ -57,10 +57,6 @@ impl Curve for Cycle<'_> {
         Ok(())
     }
 
-    fn residual(&mut self, z: &[f64], p: f64, out: &mut Linearisation) -> Result<()> {
-        self.linearise(z, p, out)
-    }
-
     fn row_excess(&mut self, z: &[f64], _: f64, tolerance: f64) -> Result<f64> {
         let n = self.phase.len();
         self.problem.row_excess(&z[..n], z[n], tolerance)

@@ -8,7 +8,8 @@ use super::factor::{Factor, Ldl, Pattern};
 use super::linear::{Block, DynamicStiffness, Expansion, Forces, Matrices, STABILITY_COORDINATES, reordered};
 use super::refined::Solution;
 use crate::error::{Error, Result};
-use crate::tolerances::periodic::{ABSENT, FELT, SETTLED};
+use crate::tolerances::matrices::SAME_ENTRY;
+use crate::tolerances::periodic::{ABSENT, FELT, REFINED, SETTLED};
 
 const REFINEMENTS: usize = 6;
 
@@ -214,7 +215,7 @@ fn is_symmetric(entries: &[Entry]) -> bool {
     sorted.sort_unstable_by_key(|e| (e.row, e.column));
     let mut turned: Vec<&Entry> = entries.iter().collect();
     turned.sort_unstable_by_key(|e| (e.column, e.row));
-    let near = |a: f64, b: f64| (a - b).abs() <= 1e-14 * a.abs().max(b.abs());
+    let near = |a: f64, b: f64| (a - b).abs() <= SAME_ENTRY * a.abs().max(b.abs());
     sorted
         .iter()
         .zip(&turned)
@@ -426,7 +427,7 @@ impl DynamicStiffness for Condensed {
             let mut change = solution.residual(&split.ll, &split.lr, &held, Some(&load), w);
             self.factor.solve(&mut change, false);
             solution.add(&change);
-            if change.norm_max() <= 1e-12 * solution.x.norm_max() {
+            if change.norm_max() <= REFINED * solution.x.norm_max() {
                 break;
             }
         }

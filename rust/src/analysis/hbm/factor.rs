@@ -10,6 +10,7 @@ use faer::{Mat, dyn_stack};
 use num_complex::Complex64 as c64;
 
 use crate::error::{Error, Result};
+use crate::tolerances::matrices::PIVOT;
 
 /// Entries (row, column, position of the value) of a sparse matrix by columns.
 #[derive(Clone)]
@@ -122,7 +123,6 @@ pub struct Ldl {
 pub struct ZeroPivot(pub usize);
 
 const NONE: usize = usize::MAX;
-const SMALLEST_PIVOT: f64 = 1e-13;
 
 /// Upper triangle by columns in a new order.
 struct Upper {
@@ -247,7 +247,7 @@ impl Ldl {
                 self.filled[i] += 1;
             }
             let pivot = d.l1_norm();
-            if pivot <= SMALLEST_PIVOT * size || !pivot.is_finite() {
+            if pivot <= PIVOT * size || !pivot.is_finite() {
                 y.fill(c64::new(0.0, 0.0));
                 return Err(ZeroPivot(self.old[k]));
             }

@@ -481,11 +481,6 @@ impl Curve for Problem {
         Ok(())
     }
 
-    fn residual(&mut self, y: &[f64], parameter: f64, out: &mut Linearisation) -> Result<()> {
-        self.set_parameter(parameter)?;
-        self.run(y, out, Want::Force)
-    }
-
     fn row_excess(&mut self, y: &[f64], parameter: f64, tolerance: f64) -> Result<f64> {
         self.set_parameter(parameter)?;
         self.renew_blocks()?;
@@ -574,8 +569,8 @@ mod tests {
                 } else {
                     p = h;
                 }
-                problem.residual(&up, 1.1 + p, &mut high).unwrap();
-                problem.residual(&down, 1.1 - p, &mut low).unwrap();
+                problem.linearise(&up, 1.1 + p, &mut high).unwrap();
+                problem.linearise(&down, 1.1 - p, &mut low).unwrap();
                 for r in 0..n {
                     let difference = (high.residual[r] - low.residual[r]) / (2.0 * h);
                     let exact = if c < n { out.jacobian[(r, c)] } else { out.slope[r] };

@@ -12,7 +12,7 @@ use crate::solve::Linearisation;
 use crate::solve::continuation::{Advance, Branch};
 use crate::solve::corrector::{Options, Point, Workspace};
 use crate::solve::segment::{Jump, Segment};
-use crate::tolerances::periodic::{AXIS, AXIS_ROOT, BRANCHING, NEUTRAL};
+use crate::tolerances::periodic::{AXIS, AXIS_ROOT, BRANCHING, NEUTRAL, RESONANT, SAME_CROSSING};
 
 #[derive(Debug, Clone, Copy)]
 pub struct Settings {
@@ -326,8 +326,9 @@ impl Follower {
             };
             let at = segment.distance(&point);
             // the two of a conjugate pair grow alike
-            let pair =
-                |(other, s): &(f64, c64)| (at - other).abs() <= 1e-6 * segment.length() && same_pair(*s, exponent);
+            let pair = |(other, s): &(f64, c64)| {
+                (at - other).abs() <= SAME_CROSSING * segment.length() && same_pair(*s, exponent)
+            };
             if !found.iter().any(pair) {
                 found.push((at, exponent));
                 self.push_crossing(point, exponent, AXIS);
@@ -392,9 +393,9 @@ impl Follower {
         let w0 = self.problem.base_frequency();
         let kind = if exponent.re.is_nan() || exponent.re.abs() > axis * w0 {
             Kind::Grazing
-        } else if (exponent.im.abs() / w0 - 0.5).abs() < 1e-4 {
+        } else if (exponent.im.abs() / w0 - 0.5).abs() < RESONANT {
             Kind::PeriodDoubling
-        } else if exponent.im.abs() < 1e-4 * w0 {
+        } else if exponent.im.abs() < RESONANT * w0 {
             Kind::BranchPoint
         } else {
             Kind::NeimarkSacker
@@ -472,4 +473,15 @@ fn by_growth(mut exponents: Vec<c64>) -> Vec<c64> {
 
 fn nth_growth(exponents: &[c64], n: usize) -> f64 {
     by_growth(exponents.to_vec()).get(n).map_or(f64::NAN, |s| s.re)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn growth_counts_from_its_bound_on() {
+        let w0 = 3.7;
+        assert_eq!(unstable(&[1e-10, 1e-8, -1e-8].map(|r| c64::new(r * w0, 1.0)), w0), 1);
+    }
 }

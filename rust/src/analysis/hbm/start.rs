@@ -6,6 +6,7 @@ use crate::solve::continuation::{Advance, Branch};
 use crate::solve::corrector::{self, Corrector, Predictor};
 use crate::solve::newton::{self, Options, Outcome};
 use crate::solve::{Curve, Linearisation};
+use crate::tolerances::periodic::{FIRST_STEP, LEAST_STEP};
 
 const RAMP_STEPS: usize = 2000;
 
@@ -59,8 +60,8 @@ fn ramp(problem: &mut Problem, y: &mut [f64], options: Options, cancel: &Cancel)
         corrector: Corrector::PseudoArclength,
         tolerance: options.tolerance,
         max_corrections: 10,
-        first_step: 1e-3,
-        least_step: 1e-10,
+        first_step: FIRST_STEP,
+        least_step: LEAST_STEP,
         largest_step: 0.2,
         parameter_scale: 1.0,
     };

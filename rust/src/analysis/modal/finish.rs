@@ -2,7 +2,7 @@
 use faer::linalg::solvers::DenseSolveCore;
 use faer::{Mat, MatRef};
 
-use super::quality::{Correction, NEAR_DEFECTIVE, Quality, Terms, evaluate};
+use super::quality::{Correction, Quality, Terms, evaluate};
 use super::refine::refine;
 use super::subspace::{aligned, bilinear_gram_schmidt, hermitian_gram_schmidt, largest_component, mass_times, rescale};
 use super::{Kind, Modal, Raw, RawMode};
@@ -10,6 +10,7 @@ use crate::error::Result;
 use crate::linalg::dense::{C, EPS, real_times};
 use crate::run::Counts;
 use crate::second_order::SecondOrder;
+use crate::tolerances::modes::{IMAGINARY, NEAR_DEFECTIVE, REAL_SHAPE};
 
 pub fn finish(system: &SecondOrder, d: &[f64], raw: Raw, mut counts: Counts) -> Result<Modal> {
     let terms = Terms::new(system);
@@ -227,7 +228,7 @@ impl<'a> Shapes<'a> {
         let turned = aligned(self.x.subcols(first, count));
         let mut x = turned.clone();
         let is_real =
-            (0..count).all(|j| (0..x.nrows()).all(|i| x[(i, j)].im.abs() <= 1e-12 * x[(i, j)].norm().max(1e-3)));
+            (0..count).all(|j| (0..x.nrows()).all(|i| x[(i, j)].im.abs() <= REAL_SHAPE * x[(i, j)].norm().max(1e-3)));
         let bilinear = self.y.is_none() && s.im > 0.0 && !is_real;
         if bilinear {
             let form = |v: faer::ColRef<'_, C>| slope_times(terms, s, v);
@@ -277,7 +278,7 @@ impl<'a> Shapes<'a> {
     fn sign(&self, j: usize) -> f64 {
         let x = self.x.col(j);
         let value = x[largest_component(x, self.scale)];
-        let decisive = if value.re.abs() > 1e-9 * value.norm() { value.re } else { value.im };
+        let decisive = if value.re.abs() > IMAGINARY * value.norm() { value.re } else { value.im };
         decisive.signum()
     }
 }

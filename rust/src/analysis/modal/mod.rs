@@ -43,6 +43,7 @@ pub enum Kind {
 }
 
 impl Kind {
+    /// As results tell it.
     pub fn name(self) -> &'static str {
         match self {
             Kind::Rigid => "rigid",

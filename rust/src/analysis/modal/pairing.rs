@@ -5,6 +5,7 @@
 //! most like its own, best match first.
 use super::RawMode;
 use crate::linalg::dense::{C, real};
+use crate::tolerances::modes::NEUTRAL;
 
 /// A real root in mass-orthonormal coordinates.
 pub struct RealRoot {
@@ -29,7 +30,6 @@ pub fn pair(mut roots: Vec<RealRoot>, symmetric: bool) -> Vec<RawMode> {
 }
 
 fn sign(root: &RealRoot) -> i8 {
-    const NEUTRAL: f64 = 1e-10;
     if root.sign > NEUTRAL {
         1
     } else if root.sign < -NEUTRAL {
@@ -78,5 +78,16 @@ fn mode(a: RealRoot, b: RealRoot) -> RawMode {
         partner_x: Some(b.x),
         partner_y: b.y,
         known: None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_sign_counts_from_its_bound_on() {
+        let of = |value: f64| sign(&RealRoot { s: -1.0, sign: value, x: Vec::new(), y: None, zero: false });
+        assert_eq!([1e-9, 1e-11, -1e-11, -1e-9].map(of), [1, 0, 0, -1]);
     }
 }

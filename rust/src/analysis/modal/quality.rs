@@ -4,11 +4,7 @@ use faer::{Mat, MatRef};
 
 use crate::linalg::dense::{C, EPS, absolute, dot, exceeds, frobenius, modulus, real_times};
 use crate::second_order::SecondOrder;
-use crate::tolerances::modes::{DOUBLE_ROOT, DOUBTFUL, MEETING};
-
-/// |psi^T Q'(s) phi| relative to its terms, below which a root counts as near-defective: two roots of one mode then agree
-/// to about this, and a damping ratio is within about its square of one.
-pub const NEAR_DEFECTIVE: f64 = 1e-6;
+use crate::tolerances::modes::{CLOSEST, DOUBLE_ROOT, DOUBTFUL, MEETING, NEAR_DEFECTIVE, SEPARATED};
 
 /// Q(s) = s^2 m + s d + k with the norms that backward errors refer to.
 pub struct Terms {
@@ -107,8 +103,6 @@ pub struct Quality {
 /// Share of EPS that the rounding of a residual usually leaves in each of its terms.
 const ROUNDING: f64 = 0.25 * EPS;
 const BLUR: f64 = 16.0 * EPS;
-/// Roots further apart than this are never called repeated, however badly conditioned they are.
-const CLOSEST: f64 = 1e-8;
 
 /// How an evaluation may move the roots by their first-order error y^T Q(s) x / y^T Q'(s) x, which it computes anyway.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -156,7 +150,6 @@ pub fn evaluate(
 fn corrected(s: C, quality: &Quality, correction: Correction) -> Option<C> {
     // larger steps are not corrections, and near a double root the first order says nothing
     const LARGEST: f64 = 1e-3;
-    const SEPARATED: f64 = 1e-4;
     if correction == Correction::None || quality.separation < SEPARATED {
         return None;
     }

@@ -8,7 +8,7 @@ use super::quality::{Correction, Quality, Terms, evaluate};
 use crate::linalg::dense::{C, EPS};
 use crate::linalg::double_double::{Dd, matrix_times};
 use crate::run::Counts;
-use crate::tolerances::modes::SAME_SHAPE;
+use crate::tolerances::modes::{SAME_SHAPE, TWICE};
 
 const STEPS: usize = 2;
 
@@ -55,8 +55,6 @@ pub fn refine(terms: &Terms, modes: &mut [RawMode], quality: &mut [Quality], cou
     }
 }
 
-/// Relative distance of two roots with one shape that Newton's method has led to one place.
-const TWICE: f64 = 1e-9;
 const FOLLOWED: usize = 8;
 /// Relative size of a last step of Newton's method that shows convergence.
 const AT_REST: f64 = 1e-3;

@@ -6,15 +6,13 @@ use crate::error::{Error, Result};
 use crate::linalg::dense::{EPS, completed, frobenius, is_finite};
 use crate::linalg::eigen;
 use crate::run::Counts;
+use crate::tolerances::modes::{CLEARLY_REGULAR, NULL_STEP};
 
 /// Relative size below which a singular value of an equilibrated matrix counts as zero. Assembly leaves a few EPS, growing
 /// with the root of the size; a stiffness ratio of 1e12 stays above it.
 pub fn rank_tolerance(n: usize) -> f64 {
     32.0 * (n as f64).sqrt() * EPS
 }
-
-/// Pivots above this in an equilibrated matrix prove full rank without an eigenproblem.
-const CLEARLY_REGULAR: f64 = 1e-8;
 
 /// Null space of a symmetric matrix, n x r, independent of units.
 pub fn symmetric_null(k: MatRef<'_, f64>, counts: &mut Counts) -> Result<Mat<f64>> {
@@ -75,7 +73,7 @@ pub fn polished(s: MatRef<'_, f64>, right: &Mat<f64>, left: &Mat<f64>) -> (Mat<f
         } else {
             lu.solve_in_place(w.as_mut());
         }
-        let finite = is_finite(w.as_ref()) && frobenius(w.as_ref()) < 1e-6;
+        let finite = is_finite(w.as_ref()) && frobenius(w.as_ref()) < NULL_STEP;
         let better = z - &w + z * (z.transpose() * &w);
         if finite { completed(better.as_ref()).0 } else { z.clone() }
     };

@@ -12,6 +12,7 @@ use crate::error::Result;
 use crate::linalg::dense::{C, frobenius, reduced};
 use crate::linalg::eigen;
 use crate::run::Counts;
+use crate::tolerances::modes::BLURRED;
 
 /// A root (of a complex pair the one with Im > 0) with its vectors in mass-orthonormal coordinates.
 pub struct Candidate {
@@ -26,9 +27,6 @@ impl Candidate {
         if self.s.im > 0.0 { 2 } else { 1 }
     }
 }
-
-/// Roots whose modulus falls below this share of |A| come from the reversed problem, where they are the large ones.
-const BLURRED: f64 = 1e-6;
 
 /// All roots of the state matrix.
 pub fn candidates(hat: &Hat, factor: &Factor, counts: &mut Counts) -> Result<Vec<Candidate>> {

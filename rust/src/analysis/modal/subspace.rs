@@ -3,9 +3,7 @@ use faer::linalg::solvers::DenseSolveCore;
 use faer::{ColRef, Mat, MatRef};
 
 use crate::linalg::dense::C;
-
-/// Moduli within this of the largest count as equal, so that rounding does not decide.
-const TIE: f64 = 1e-6;
+use crate::tolerances::modes::{ISOTROPIC, TIE};
 
 /// First index among the components of largest modulus.
 pub fn largest_component(x: ColRef<'_, C>, scale: &[f64]) -> usize {
@@ -73,7 +71,6 @@ pub fn hermitian_gram_schmidt(x: &mut Mat<C>, m: MatRef<'_, f64>) {
 /// Gram-Schmidt in the bilinear form x^T a y (a complex symmetric, not conjugated) to x^T a x = target. Vectors that the form
 /// makes isotropic are mixed with a later one first. False where the form is singular on the span.
 pub fn bilinear_gram_schmidt(x: &mut Mat<C>, form: impl Fn(ColRef<'_, C>) -> Vec<C>, target: C) -> bool {
-    const ISOTROPIC: f64 = 1e-4;
     let g = x.ncols();
     for j in 0..g {
         for _ in 0..2 {
@@ -124,5 +121,19 @@ fn subtract(x: &mut Mat<C>, from: usize, to: usize, along: C) {
     for r in 0..x.nrows() {
         let part = along * x[(r, from)];
         x[(r, to)] -= part;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn of_equal_components_the_first_is_the_largest() {
+        let first = |less: f64| {
+            let x = [C::new(1.0 - less, 0.0), C::new(0.0, 1.0)];
+            largest_component(ColRef::from_slice(&x), &[1.0, 1.0])
+        };
+        assert!(first(1e-7) == 0 && first(1e-5) == 1);
     }
 }

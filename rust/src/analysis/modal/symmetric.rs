@@ -11,7 +11,7 @@ use crate::linalg::dense::{C, EPS, absolute, beside, completed, exceeds, frobeni
 use crate::linalg::eigen;
 use crate::run::Counts;
 use crate::second_order::SecondOrder;
-use crate::tolerances::modes::UNCOUPLED;
+use crate::tolerances::modes::{COMMUTING, FAR_FROM_RIGID, UNCOUPLED};
 
 /// Squared undamped frequencies and shapes with x^T M x = 1; the first `rigid` are zero.
 struct Spectrum {
@@ -52,9 +52,6 @@ pub fn solve(system: &SecondOrder, l: &Mat<f64>, counts: &mut Counts) -> Result<
     }))
 }
 
-/// Larger commutators of stiffness and damping rule out proportional damping before any eigenproblem is solved.
-const COMMUTING: f64 = 1e-8;
-
 fn from_stiffness(system: &SecondOrder, l: &Mat<f64>, k: &Mat<f64>, counts: &mut Counts) -> Result<Spectrum> {
     let (x, candidates) = eigenvectors(system, l, k, counts)?;
     let mut found = Approximation::new(system, x, candidates, counts);
@@ -77,8 +74,11 @@ fn eigenvectors(system: &SecondOrder, l: &Mat<f64>, k: &Mat<f64>, counts: &mut C
     let largest = lambda.iter().fold(0.0f64, |m, v| m.max(v.abs()));
     let smallest = lambda.iter().fold(f64::INFINITY, |m, v| m.min(v.abs()));
     // far from zero no rank test is needed; the margin is wide because masses, unlike the test, scale lambda
-    let free =
-        if smallest > 1e-7 * largest { Mat::zeros(k.nrows(), 0) } else { symmetric_null(system.k.as_ref(), counts)? };
+    let free = if smallest > FAR_FROM_RIGID * largest {
+        Mat::zeros(k.nrows(), 0)
+    } else {
+        symmetric_null(system.k.as_ref(), counts)?
+    };
     if free.ncols() > 0 {
         let still = completed((l.transpose() * &free).as_ref()).0;
         let (still, _) = polished(k.as_ref(), &still, &still);

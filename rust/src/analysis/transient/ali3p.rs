@@ -23,13 +23,10 @@ use super::rotations::{Maps, add_turning};
 use super::{Equations, Instant, LocalError, Motion, Scheme, Step, scaled_size};
 use crate::linalg::kkt::Kkt;
 use crate::linalg::matrix::turn_columns;
+use crate::tolerances::steps::{EXACT, QUADRATIC};
 
 const MAX_ITERATIONS: usize = 25;
-/// Newton's error is squared by its last step: a correction below this part of the increment leaves rounding only.
-const SOLVED: f64 = 1e-9;
 
-/// Below this part of the increment a correction leaves tangents the same: their derivatives of a motion part by less than 1e-10.
-const EXACT: f64 = 1e-11;
 /// Corrections below this many times the rounding of a pose that no longer shrink are rounding.
 const ROUNDED: f64 = 4096.0;
 
@@ -142,18 +139,6 @@ pub fn stars<T: Real>(
     m.t = from.t + h;
     m.rate = rate;
     (dq, m, a)
-}
-
-/// c (M a* + h + J^T lam).
-pub fn balance<T: Real>(
-    eq: &Equations<'_, T>,
-    m: &Motion<T>,
-    a: &[T],
-    lam: &[T],
-    h: f64,
-    counts: &mut Counts,
-) -> DVector<T> {
-    eq.residual(m, a, lam, counts) * T::from(0.25 * h * h)
 }
 
 /// Phi of position rows, h/2 (J v* + Phi_t) of velocity rows.
@@ -428,15 +413,15 @@ impl Equations<'_, f64> {
             let whole = size(x).max(c * size(&from.acceleration));
             // what the last correction leaves, by how fast they shrink
             let left = if last.is_finite() { step * step / last } else { 0.0 };
-            if step <= SOLVED * whole && left <= 16.0 * f64::EPSILON * whole || step <= 4.0 * f64::EPSILON {
-                return Ok((by, linear, step <= EXACT * whole, largest(y.as_slice()) <= SOLVED * c * largest(lam)));
+            if step <= QUADRATIC * whole && left <= 16.0 * f64::EPSILON * whole || step <= 4.0 * f64::EPSILON {
+                return Ok((by, linear, step <= EXACT * whole, largest(y.as_slice()) <= QUADRATIC * c * largest(lam)));
             }
             if step > 2.0 * last && step > 1.0 {
                 break;
             }
             // rounding of a long way or of stiff forces: no further progress
             if step > 0.5 * last && step < ROUNDED * self.rounding(&m) {
-                return Ok((by, linear, false, largest(y.as_slice()) <= SOLVED * c * largest(lam)));
+                return Ok((by, linear, false, largest(y.as_slice()) <= QUADRATIC * c * largest(lam)));
             }
             last = step;
         }

@@ -15,15 +15,11 @@ use crate::system::topology::Level;
 use crate::tolerances::constraints::REDUNDANT_OPEN;
 
 use super::{Equations, Instant, Motion, scaled_size};
+use crate::tolerances::steps::{CLOSED, CLOSED_ENOUGH, STILL};
 
-/// Rows are closed when smaller than this (scaled), or when they get no smaller.
-const CLOSED: f64 = 1e-14;
-pub(super) const ACCEPTABLE: f64 = 1e-10;
 const CLOSING_STEPS: usize = 12;
 /// Part of all rates that the projection of a controlled step changes at most.
 const BRANCH: f64 = 0.05;
-/// Turned rates that move less than this within a step, characteristic lengths or radians, are rounding of a motion at rest.
-const STILL: f64 = 1e-10;
 
 /// Everything that the accelerations follow from, at one placement.
 struct Evaluation {
@@ -123,8 +119,8 @@ impl Equations<'_, f64> {
             let mut open = DVector::zeros(phi.len());
             kept.iter().for_each(|i| open[*i] = phi[*i]);
             let (size, worst) = self.worst_row(&open);
-            let closed = size <= CLOSED || size <= ACCEPTABLE * 0.1 && size > 0.5 * last;
-            if closed || step == CLOSING_STEPS && size <= ACCEPTABLE {
+            let closed = size <= CLOSED || size <= CLOSED_ENOUGH * 0.1 && size > 0.5 * last;
+            if closed || step == CLOSING_STEPS && size <= CLOSED_ENOUGH {
                 return self.check_redundant(&phi);
             }
             if !size.is_finite() || size > 1e3 || step == CLOSING_STEPS {
@@ -161,14 +157,6 @@ impl Equations<'_, f64> {
             best: Vec::new(),
             residual: size,
         }
-    }
-
-    /// Make the rates agree with all rows.
-    pub fn align(&self, m: &mut Motion<f64>, counts: &mut Counts) -> Result<()> {
-        if self.constrained() {
-            self.aligned(m, counts)?;
-        }
-        Ok(())
     }
 
     /// [M J^T; J 0] at a motion.

@@ -7,8 +7,6 @@ use super::{Equations, Instant, Scheme};
 const GAPS: [f64; 3] = [0.19, 0.45, 0.75];
 /// The first step may differ from the one that the tolerance suggests by this factor.
 const NEARLY: f64 = 3.0;
-/// Local errors below this are lost in the rounding that the pose amplifies.
-pub const FINEST: f64 = 1e-10;
 
 /// One long step to the other side of a singular pose, and others until it is left behind.
 pub(super) struct Detour {

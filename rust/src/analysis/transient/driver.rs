@@ -6,13 +6,12 @@ use crate::tolerances::motion::SAFETY;
 use super::detour::Detour;
 use super::way::{Aim, Uncounted, Verdict, Way, active, finest};
 use super::{Equations, Instant, LocalError, Motion, Scheme, Step};
+use crate::tolerances::steps::{BEFORE_BREAK, ON_GRID, SAME_INSTANT, SAME_LENGTH};
 
 pub use super::plan::{End, Output, Plan, Progress, Run, Steps};
 
 const SHRINK: f64 = 0.2;
 const GROW: f64 = 3.0;
-/// How far before a break a step ends, as a part of the whole time.
-const BEFORE: f64 = 1e-13;
 /// How fast the length of past steps is forgotten, over time in such lengths.
 const FADING: f64 = 0.3;
 /// Rates count at least as if the motion took this part of the characteristic length: what starts from rest has none.
@@ -104,7 +103,7 @@ impl Driver<'_, '_, '_> {
     /// A length from the motion itself: a small turn, or a small change of the rates.
     fn first_step(&self, start: &Instant, rtol: f64, order: u32) -> f64 {
         let (v, a) = (self.scaled(&start.motion.rate), self.scaled(&start.acceleration));
-        let time = (1.0 / (v + 1e-12)).min((1.0 / (a + 1e-12)).sqrt());
+        let time = (1.0 / v.max(f64::MIN_POSITIVE)).min((1.0 / a.max(f64::MIN_POSITIVE)).sqrt());
         time * rtol.powf(1.0 / f64::from(order + 1)) * 0.5
     }
 
@@ -196,7 +195,7 @@ impl Driver<'_, '_, '_> {
         let end = self.plan.end;
         let broken = target.filter(|t| *t < end && self.plan.breaks.contains(t));
         if broken.is_some() {
-            length -= (BEFORE * end.abs().max(end - self.start)).min(0.5 * length);
+            length -= (BEFORE_BREAK * end.abs().max(end - self.start)).min(0.5 * length);
             target = None;
         }
         Aim { length, target, broken }
@@ -234,9 +233,8 @@ impl Driver<'_, '_, '_> {
         let next = match active.proposal(&tolerance) {
             Some(factor) => self.proposed(way.h, aim.length, factor),
             None => {
-                let (power, growth) = (active.power(), active.largest_growth());
-                let growth = if way.after_rejection { 1.0 } else { growth };
-                self.next(way.h, aim.length, size, power, growth)
+                let growth = if way.after_rejection { 1.0 } else { GROW };
+                self.next(way.h, aim.length, size, active.power(), growth)
             }
         };
         way.h = next;
@@ -322,7 +320,7 @@ impl Driver<'_, '_, '_> {
 
     /// Such a step would not change the time.
     fn vanishes(&self, step: f64, t: f64) -> bool {
-        step <= 1e-14 * t.abs().max(self.plan.end - self.start)
+        step <= SAME_INSTANT * t.abs().max(self.plan.end - self.start)
     }
 
     fn stop(&mut self, t: f64, message: String) {
@@ -332,7 +330,7 @@ impl Driver<'_, '_, '_> {
     /// The step that does not pass the end or a break, and the time it must hit exactly.
     fn fitted(&self, here: &Instant, h: f64) -> (f64, Option<f64>) {
         let t = here.motion.t;
-        let ahead = self.plan.breaks.iter().copied().find(|b| *b > t + 1e-14 * self.plan.end.abs().max(1e-300));
+        let ahead = self.plan.breaks.iter().copied().find(|b| *b > t + SAME_INSTANT * self.plan.end.abs());
         // what changes at a break must not change within the step that ends there
         let (target, left) = match ahead.filter(|b| *b <= self.plan.end) {
             // no step follows on a break that is the end but for rounding
@@ -343,7 +341,7 @@ impl Driver<'_, '_, '_> {
         if let Steps::Fixed(grid) = self.plan.steps {
             return self.on_grid(t, h, grid, target, left);
         }
-        if h >= left * (1.0 - 1e-9) {
+        if h >= left * (1.0 - SAME_LENGTH) {
             (left, Some(target))
         } else if h > 0.5 * left {
             // two equal steps instead of one and a splinter
@@ -355,15 +353,15 @@ impl Driver<'_, '_, '_> {
 
     /// To the next multiple of the fixed step, or to a break or the end before it.
     fn on_grid(&self, t: f64, h: f64, grid: f64, target: f64, left: f64) -> (f64, Option<f64>) {
-        let next = self.start + grid * (((t - self.start) / grid + 1e-6).floor() + 1.0);
-        let cut = next >= target - 1e-9 * grid;
+        let next = self.start + grid * (((t - self.start) / grid + ON_GRID).floor() + 1.0);
+        let cut = next >= target - SAME_LENGTH * grid;
         let aim = if cut { target } else { next };
-        if h < (aim - t) * (1.0 - 1e-6) {
+        if h < (aim - t) * (1.0 - ON_GRID) {
             (h, None)
         } else if cut && left < target - t {
             // a whole step would end behind the break
             (left, Some(aim))
-        } else if (aim - t - grid).abs() < 1e-9 * grid {
+        } else if (aim - t - grid).abs() < SAME_LENGTH * grid {
             // whole steps have one length, so that factorisations and histories stay
             (grid, Some(aim))
         } else {
@@ -435,7 +433,7 @@ impl Driver<'_, '_, '_> {
 
     /// Errors of rates count for the time of the motion, or for `patience` where that is shorter.
     fn size(&self, error: &LocalError, speed: f64, patience: f64) -> f64 {
-        let rate = self.scaled(&error.rate) * (1.0 / speed.max(1e-300)).min(patience);
+        let rate = self.scaled(&error.rate) * (1.0 / speed.max(f64::MIN_POSITIVE)).min(patience);
         let position = self.scaled(&error.position);
         let state = scaled(&error.state, &self.states);
         if rate.is_nan() || position.is_nan() || state.is_nan() { f64::NAN } else { rate.max(position).max(state) }
@@ -443,8 +441,9 @@ impl Driver<'_, '_, '_> {
 
     /// The coordinate whose error is the largest.
     fn culprit(&self, error: &LocalError) -> &str {
-        let size =
-            |i: usize| (error.position[i].abs().max(error.rate[i].abs() / self.speed.max(1e-300))) / self.scales[i];
+        let size = |i: usize| {
+            (error.position[i].abs().max(error.rate[i].abs() / self.speed.max(f64::MIN_POSITIVE))) / self.scales[i]
+        };
         let worst = (0..self.scales.len()).max_by(|i, j| size(*i).total_cmp(&size(*j)));
         worst.map_or("", |i| &self.eq.topology().names[i])
     }
@@ -462,7 +461,7 @@ impl Driver<'_, '_, '_> {
         let Steps::Controlled { longest, .. } = self.plan.steps else {
             return self.plan.steps.longest();
         };
-        let factor = (SAFETY * size.max(1e-30).powf(-1.0 / power)).clamp(SHRINK, GROW.min(growth));
+        let factor = (SAFETY * size.max(f64::MIN_POSITIVE).powf(-1.0 / power)).clamp(SHRINK, growth);
         let next = length * factor;
         // a step that was cut short says little about longer ones
         (if length < wanted { next.max(wanted * factor.min(1.0)) } else { next }).min(longest)

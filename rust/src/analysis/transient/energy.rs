@@ -8,6 +8,7 @@ use crate::system::placement::Placement;
 use crate::system::topology::{Connector, Modal};
 
 use super::{Equations, Motion};
+use crate::tolerances::matrices::NO_ENERGY;
 
 /// Of one element: what it stores (None where it has no potential) and the power it takes from the mechanism.
 #[derive(Debug, Clone, Copy)]
@@ -190,7 +191,7 @@ impl Equations<'_, f64> {
             power += preload * v;
             for (j, (ej, vj)) in moved.iter().enumerate() {
                 let k = entry(x, c, c.k, n, i, j);
-                skew |= (k - entry(x, c, c.k, n, j, i)).abs() > 1e-12 * k.abs();
+                skew |= (k - entry(x, c, c.k, n, j, i)).abs() > NO_ENERGY * k.abs();
                 stored += 0.5 * e * k * ej;
                 power += v * k * ej;
                 if self.effects.damping {

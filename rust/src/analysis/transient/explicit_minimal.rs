@@ -15,20 +15,16 @@ use crate::run::Counts;
 use crate::system::placement::{advance, place};
 use crate::tolerances::constraints::DOUBTFUL;
 
-use super::consistent::ACCEPTABLE;
 use super::explicit_pivots::{Factors, Plan};
 use super::{Equations, Motion, scaled_size};
 use crate::linalg::matrix::Matrix;
+use crate::tolerances::steps::{CLOSED, CLOSED_ENOUGH, CLOSING_ROUNDING, COARSELY_CLOSED};
 
 /// Another choice is taken where it has a pivot that is larger by this factor.
 const WORN: f64 = 4.0;
 const NEWTON_STEPS: usize = 12;
 /// Part of the tolerance to which positions of stages are closed; accelerations miss by that over the square of the smallest pivot.
 const CLOSER: f64 = 1e-2;
-const TIGHT: f64 = 1e-14;
-const COARSE: f64 = 1e-7;
-/// Corrections that are smaller and shrink no more are rounding.
-const ROUNDING: f64 = 1e-11;
 /// Sparse models: degrees of freedom times dependent coordinates, over rows and coordinates, up to which B is cheaper than multipliers.
 const FEW: usize = 4;
 /// Beyond so many tree coordinates the choice of pivots and the fill of their elimination cost more than multipliers of all loops
@@ -64,7 +60,7 @@ impl Minimal {
             rates: Factors::default(),
             places: Factors::default(),
             worn: false,
-            tolerance: rtol.map_or(TIGHT, |r| CLOSER * r),
+            tolerance: rtol.map_or(CLOSED, |r| CLOSER * r),
             switches: 0,
             names: String::new(),
         }
@@ -127,8 +123,8 @@ impl Minimal {
     ) -> Result<Settled> {
         let plan = self.plan.as_ref().ok_or_else(no_choice)?;
         let tolerance = |least: f64| match end {
-            true => TIGHT,
-            false => (self.tolerance * least * least).clamp(TIGHT, COARSE),
+            true => CLOSED,
+            false => (self.tolerance * least * least).clamp(CLOSED, COARSELY_CLOSED),
         };
         let scales = eq.scales();
         let (mut m, mut last, mut left) = (from.moved(eq.topology(), &y), f64::INFINITY, NEWTON_STEPS);
@@ -154,7 +150,7 @@ impl Minimal {
             let size = scaled_size(&d, &scales);
             let (open, worst) = eq.worst_row(&plan.carried(&phi));
             // what rounding leaves of a row is larger by the pivot in the coordinate
-            let rounding = size <= ROUNDING || open <= TIGHT;
+            let rounding = size <= CLOSING_ROUNDING || open <= CLOSED;
             let lost = left == 0 || size > last && !rounding;
             if !size.is_finite() || size > 1.0 || lost {
                 return Err(eq.open(worst, open));
@@ -163,7 +159,7 @@ impl Minimal {
             m.q.clone_from(&from.q);
             advance(eq.topology(), &mut m.q, &y);
             if size <= tolerance(self.rates.least) || rounding && size > 0.5 * last {
-                if end && open > ACCEPTABLE {
+                if end && open > CLOSED_ENOUGH {
                     return Err(eq.open(worst, open));
                 }
                 break jacobian;

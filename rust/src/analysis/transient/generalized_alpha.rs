@@ -21,6 +21,7 @@ use crate::system::topology::Level;
 use super::rotations::add_turning;
 use super::{Equations, Instant, LocalError, Motion, Scheme, Step, scaled_size};
 use crate::linalg::kkt::Kkt;
+use crate::tolerances::steps::QUADRATIC;
 
 /// In a singular pose Newton's method gains one bit at a time.
 const MAX_ITERATIONS: usize = 50;
@@ -30,8 +31,6 @@ const SINGULAR: f64 = 30.0;
 const AHEAD: f64 = 1e-2;
 /// A kept factorisation is renewed when the corrections shrink more slowly.
 const SLOW: f64 = 0.1;
-/// Newton's method stops when the remainder of w is this part of h^2 a: far below the error of the step.
-const SOLVED: f64 = 1e-9;
 /// Rounding of the equations of a step, over the rounding of its pose: near singular poses rows lose digits.
 const NOISE: f64 = 512.0;
 
@@ -110,7 +109,14 @@ struct Unknown {
 impl GeneralizedAlpha {
     /// `rho`: part of an infinitely fast oscillation that is left after a step, 0 to 1.
     pub fn new(rho: f64) -> Self {
-        GeneralizedAlpha { p: Parameters::of(rho), solved: SOLVED, carried: None, tried: None, kept: None, error: None }
+        GeneralizedAlpha {
+            p: Parameters::of(rho),
+            solved: QUADRATIC,
+            carried: None,
+            tried: None,
+            kept: None,
+            error: None,
+        }
     }
 
     /// Corrections go on to rounding: derivatives are those of a step that is solved.
@@ -269,7 +275,8 @@ impl GeneralizedAlpha {
             // rows are no more exact than the pose; corrections that an own factorisation does not shrink are rounding
             let pose = eq.rounding(&m);
             let noise = 4.0 * (f64::EPSILON * moved + if eq.constrained() { pose } else { 0.0 });
-            if last.is_finite() && step <= noise || fresh && rate > 0.5 && step < (NOISE * pose).max(SOLVED * moved) {
+            if last.is_finite() && step <= noise || fresh && rate > 0.5 && step < (NOISE * pose).max(QUADRATIC * moved)
+            {
                 return Ok(());
             }
             if rate > SLOW {
@@ -364,7 +371,7 @@ impl Scheme for GeneralizedAlpha {
     /// A new step costs a factorisation: only for a gain.
     fn proposal(&mut self, size: &dyn Fn(&LocalError) -> f64) -> Option<f64> {
         let error = self.error.take()?;
-        let factor = (0.85 / size(&error).max(1e-12).sqrt()).clamp(0.2, 2.0);
+        let factor = (0.85 / size(&error).max(f64::MIN_POSITIVE).sqrt()).clamp(0.2, 2.0);
         Some(if (0.95..1.2).contains(&factor) { 1.0 } else { factor })
     }
 

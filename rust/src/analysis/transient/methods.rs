@@ -9,8 +9,7 @@ use super::augmented::Penalty;
 use crate::solve::inverse::Family;
 
 use super::bdf::Bdf;
-use super::bdf_bfgs::BdfBfgs;
-use super::bdf_step::Form;
+use super::bdf::equations::Form;
 use super::driver::{Plan, Progress, Run, Steps, drive};
 use super::explicit_minimal::Minimal;
 use super::explicit8::{Coordinates, Explicit8};
@@ -80,8 +79,8 @@ impl Method {
             Method::Explicit(Some(coordinates)) => Box::new(Explicit8::new(*coordinates, rtol)),
             Method::GeneralizedAlpha(rho) => Box::new(GeneralizedAlpha::new(*rho)),
             Method::Ali3p(weight, penalty) => Box::new(Ali3p::new(*weight, *penalty)),
-            Method::BdfBfgs(form, family) => Box::new(BdfBfgs::new(*form, *family, rtol)),
-            Method::Bdf => Box::new(Bdf::new(rtol)),
+            Method::BdfBfgs(form, family) => Box::new(Bdf::inverse(*form, *family, rtol)),
+            Method::Bdf => Box::new(Bdf::newton(rtol)),
             Method::Radau => Box::new(Radau::new(rtol)),
         }
     }
@@ -189,19 +188,18 @@ fn chosen(
         let why = "no spring, damper or law: nothing can be stiff".into();
         return Ok((Method::Explicit(None), why));
     }
-    let scales = eq.scales();
-    let size = |v: &[f64]| scaled_size(v, &scales);
     let time = end - first.motion.t;
-    let motion = size(&first.motion.rate).max(size(&first.acceleration).sqrt()).max(1.0 / time);
+    let motion = eq.pace(first, time);
     let mut fastest = eq.fastest(first, counts)?;
     if let Some(still) = held_by_friction(eq, first, counts)? {
         fastest = fastest.or(&eq.fastest(&still, counts)?);
     }
     let text = format!(
-        "the fastest vibration ({:.2e} 1/s) and decay ({:.2e} 1/s) are {:.1e} and {:.1e} times as fast as the motion",
+        "the fastest vibration ({:.2e} 1/s) is {:.1e} times as fast as the motion (implicit steps pay above {STIFF:.0e}), the fastest \
+         decay ({:.2e} 1/s) {:.1e} times (above {DECAY:.0e})",
         fastest.vibration,
-        fastest.decay,
         fastest.vibration / motion,
+        fastest.decay,
         fastest.decay / motion
     );
     let stiff = |fast: f64, factor: f64| fast > factor * motion && fast * time > MANY * factor;

@@ -22,11 +22,6 @@
 pub mod ali3p;
 pub mod augmented;
 pub mod bdf;
-pub mod bdf_bfgs;
-mod bdf_differences;
-mod bdf_history;
-mod bdf_solver;
-pub mod bdf_step;
 pub mod consistent;
 mod detour;
 pub mod dop853_numbers;
@@ -53,6 +48,7 @@ use std::sync::Arc;
 
 use explicit8::Explicit8;
 use nalgebra::{DMatrix, DVector};
+use states::close_section;
 
 use crate::error::Result;
 use crate::linalg::kkt::Ordering;
@@ -61,8 +57,9 @@ use crate::model::geometry::Geometry;
 use crate::run::Counts;
 use crate::spatial::Real;
 use crate::system::System;
+use crate::system::air::Here;
 use crate::system::assemble::{Effects, Scene, Tangent};
-use crate::system::connector::motion_of;
+use crate::system::connector::{Numbers, motion_of};
 use crate::system::loops::column_scales;
 use crate::system::placement::{Placement, advance, difference, place};
 use crate::system::rows::{driven_rates, has_explicit_rates};
@@ -173,11 +170,6 @@ pub trait Scheme {
         Vec::new()
     }
 
-    /// How much longer than the last step the next one may be.
-    fn largest_growth(&self) -> f64 {
-        f64::INFINITY
-    }
-
     /// Motions at fractions of the step just made; the driver projects them. Called before `accept`.
     fn between(
         &mut self,
@@ -222,9 +214,17 @@ pub struct Equations<'a, T: Real> {
     pub rows: Arc<RowBlocks>,
     /// connectors with laws whose states have rates
     rated: Vec<usize>,
+    /// sections in the air with such states
+    rated_air: Vec<usize>,
     /// distance of the farthest body from the origin of the world as drawn, characteristic lengths
     far: f64,
     ordering: Ordering,
+}
+
+/// Sections in the air that act and have states.
+fn sections_with_states(topology: &Topology, effects: Effects) -> Vec<usize> {
+    let n = if effects.aerodynamics { topology.tables.sections.len() } else { 0 };
+    (0..n).filter(|i| !topology.section_memory(*i).is_empty()).collect()
 }
 
 /// Above this number of coordinates and rows sparse factorisations are faster.
@@ -256,6 +256,7 @@ impl<'a, T: Real> Equations<'a, T> {
             sparse: system.n_tree() + system.topology.rows.len() > DENSE,
             rows: row_blocks(system, effects),
             rated: effects.wanted().with_state_rates(&system.topology),
+            rated_air: sections_with_states(&system.topology, effects),
             far,
             ordering: Ordering::default(),
         }
@@ -311,13 +312,6 @@ impl<'a, T: Real> Equations<'a, T> {
             t: m.t,
             effects: self.effects,
         }
-    }
-
-    /// h(q, v, t): what M a + J^T lam has to balance, with the opposite sign.
-    pub fn forces(&self, m: &Motion<T>, counts: &mut Counts) -> DVector<T> {
-        counts.add("force evaluations", 1);
-        let placement = self.place(m);
-        self.scene(m, &placement, None).residual(None)
     }
 
     pub fn mass(&self, m: &Motion<T>) -> DMatrix<T> {
@@ -414,6 +408,15 @@ impl<'a, T: Real> Equations<'a, T> {
                 law.law.eval(e, v, p, &mut m.memory[memory]);
             }
         }
+        for i in &self.rated_air {
+            let own = topology.section_memory(*i);
+            let here = Here::new(topology, &self.geometry, &placement, self.numbers(m), *i);
+            close_section(&here, &mut m.memory[own]);
+        }
+    }
+
+    fn numbers<'s>(&'s self, m: &'s Motion<T>) -> Numbers<'s, T> {
+        Numbers { x: &self.x, memory: &m.memory, t: m.t }
     }
 
     /// The increments that lead from one motion to another; three rotations together are less than half a turn.

@@ -8,9 +8,7 @@ use crate::system::connector::motion_of;
 use crate::system::topology::BoundLaw;
 
 use super::{Equations, Motion};
-
-/// Forces that differ by less are equal but for rounding.
-const ROUNDING: f64 = 1e-13;
+use crate::tolerances::steps::SLIDER_TURNS;
 
 impl Equations<'_, f64> {
     /// The part of a step after which a slider turns first, where missing that would change its force by more than `tolerance` of it.
@@ -36,7 +34,7 @@ impl Equations<'_, f64> {
                 let memory = &from.memory[law.memory..law.memory + law.law.n_memory()];
                 let turns = way.turns();
                 if let Some(turn) = turns.first()
-                    && way.missed(&turns, &law.law, p, memory) > tolerance.max(ROUNDING)
+                    && way.missed(&turns, &law.law, p, memory) > tolerance.max(SLIDER_TURNS)
                 {
                     first = Some(first.map_or(*turn, |f| f.min(*turn)));
                 }

@@ -3,13 +3,14 @@ use crate::error::Result;
 use crate::run::Counts;
 use crate::system::assemble::Tangent;
 
+use super::methods::STIFF;
 use super::rotations::Maps;
 use super::{Equations, Instant, Motion, scaled_size};
 use crate::linalg::matrix::Matrix;
+use crate::tolerances::roots::DIFFERENCE;
 use nalgebra::DVector;
 
 const ITERATIONS: usize = 12;
-const NUDGE: f64 = 1e-7;
 
 /// Largest rates (1/s) at which displacements (vibration) and velocities (decay) act back on accelerations.
 #[derive(Debug, Clone, Copy)]
@@ -29,6 +30,21 @@ impl Fastest {
 }
 
 impl Equations<'_, f64> {
+    /// How fast the motion itself goes (1/s), over the time of a run: the largest of its rates and of what its accelerations make.
+    pub fn pace(&self, at: &Instant, time: f64) -> f64 {
+        let scales = self.scales();
+        let size = |v: &[f64]| scaled_size(v, &scales);
+        size(&at.motion.rate).max(size(&at.acceleration).sqrt()).max(1.0 / time)
+    }
+
+    /// Vibrations or decays far faster than the motion?
+    pub fn is_stiff(&self, at: &Instant, time: f64, counts: &mut Counts) -> Result<bool> {
+        if self.topology().connectors.is_empty() {
+            return Ok(false);
+        }
+        Ok(self.fastest(at, counts)?.most() > STIFF * self.pace(at, time))
+    }
+
     pub fn fastest(&self, at: &Instant, counts: &mut Counts) -> Result<Fastest> {
         let scales = self.scales();
         let size = |v: &[f64]| scaled_size(v, &scales);
@@ -39,7 +55,7 @@ impl Equations<'_, f64> {
             let mut x: Vec<f64> = (0..n).map(|i| scales[i] * (1.0 + 0.37 * ((i * 7) % 5) as f64)).collect();
             let mut growth = 0.0;
             for _ in 0..ITERATIONS {
-                let unit = NUDGE / size(&x).max(1e-300);
+                let unit = DIFFERENCE / size(&x).max(f64::MIN_POSITIVE);
                 let nudge: Vec<f64> = x.iter().map(|v| v * unit).collect();
                 let mut m = at.motion.clone();
                 if displaced {
@@ -50,7 +66,7 @@ impl Equations<'_, f64> {
                 }
                 let there = self.instant(m, counts)?;
                 x = there.acceleration.iter().zip(&at.acceleration).map(|(a, b)| a - b).collect();
-                growth = size(&x) / NUDGE;
+                growth = size(&x) / DIFFERENCE;
                 if growth == 0.0 {
                     break;
                 }

@@ -5,8 +5,9 @@ use crate::kinematics::relative::whole_turns;
 use crate::system::connector::{local, pair_of};
 use crate::system::topology::Owner;
 
-use super::detour::{Detour, FINEST};
+use super::detour::Detour;
 use super::{Equations, Instant, Motion, Scheme, Step};
+use crate::tolerances::steps::FINEST_CROSSING;
 
 /// Where the march stands, and how it goes on.
 pub(super) struct Way {
@@ -74,7 +75,7 @@ pub(super) struct Aim {
 
 /// The smallest tolerance that the pose allows which a detour passes.
 pub(super) fn finest(way: &Way) -> f64 {
-    way.detour.as_ref().map_or(0.0, |_| FINEST)
+    way.detour.as_ref().map_or(0.0, |_| FINEST_CROSSING)
 }
 
 /// What makes the next step: the detour's scheme while there is one.

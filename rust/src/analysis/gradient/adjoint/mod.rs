@@ -1,28 +1,29 @@
 //! The steps backwards: the exact reverse of what `direct` does forwards, whatever the number of parameters.
 //!
-//! Steps are reversed by hand (`ali3p`, `alpha`, `runge_kutta`), what an objective reads on the tape. Instants are kept at
+//! Steps are reversed by hand (`ali3p`, `alpha`, `runge_kutta`, `radau`), what an objective reads on the tape. Instants are kept at
 //! checkpoints; a stretch between two is run again.
 //!
 //! | file | |
 //! |---|---|
-//! | `ali3p`, `alpha`, `runge_kutta`, `by_hand`, `increments` | a step backwards |
+//! | `ali3p`, `alpha`, `runge_kutta`, `radau`, `by_hand`, `increments` | a step backwards |
 //! | `recorder` | quantities, memories and the geometry backwards, on the tape |
 mod ali3p;
 mod alpha;
 mod by_hand;
 mod increments;
+mod radau;
 mod recorder;
 mod runge_kutta;
 
 use crate::analysis::transient::{Equations, Instant};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::run::{Cancel, Counts};
 
 use self::recorder::{Adjoint, Recorder, opened_back, seed};
 use super::kinks::{Kink, Watch};
 use super::march::{Here, Made, March, Rule};
 use super::quantity::{Quantity, read};
-use super::runge_kutta::inner_nodes;
+use super::radau::Probe;
 use super::start::Starting;
 use super::{Direction, Plan};
 
@@ -45,6 +46,8 @@ pub struct Forward {
     pub values: Vec<f64>,
     pub width: usize,
     every: usize,
+    /// the first instant, before the states of laws at rest are told apart from it
+    start: Here,
     checkpoints: Vec<Here>,
     /// all of a short motion
     whole: Option<Stretch>,
@@ -90,11 +93,16 @@ pub fn forward(
     plan.check()?;
     let n = plan.n_steps();
     let every = stride(eq, plan);
-    let mut here = Here::first(first, plan.rule);
+    let start = Here::first(first, plan.rule);
+    let mut here = match plan.rule.opens_states() {
+        true => start.clone(),
+        false => start.opened(eq, 0.0).into_owned(),
+    };
     let mut out = Forward {
         values: Vec::new(),
         width: wanted.iter().map(|q| q.width(eq)).sum(),
         every,
+        start,
         checkpoints: Vec::new(),
         kinks: Vec::new(),
         whole: (every >= n).then(|| Stretch::at(&here)),
@@ -169,6 +177,7 @@ pub fn backward(
 ) -> Result<Vec<f64>> {
     let (n, w) = (plan.n_steps(), run.width);
     let mut recorder = Recorder::new(eq);
+    let probe = matches!(plan.rule, Rule::Radau).then(|| Probe::new(eq));
     let first = &run.checkpoints[0];
     let mut at = Adjoint::none(first);
     let mut longest = 0;
@@ -198,6 +207,11 @@ pub fn backward(
                 }
             };
             let start = &*made.start(eq, from);
+            let inner = plan.inner_row(i);
+            let mut own = |recorder: &mut Recorder<'_>, stage: usize, here: &Instant, onto: &mut Adjoint| {
+                let Some(k) = made.node_of(stage).filter(|_| plan.inner) else { return Ok(()) };
+                seed(recorder, here, wanted, &seeds[(inner + k) * w..(inner + k + 1) * w], onto)
+            };
             at = match (made, plan.rule) {
                 (Made::Ali3p(record, by), Rule::Ali3p(weight)) => {
                     let parts = (record, by.as_ref());
@@ -205,14 +219,11 @@ pub fn backward(
                 }
                 (Made::Alpha(p, h), _) => alpha::step_back(&mut recorder, start, end, *p, *h, at, counts)?,
                 (Made::RungeKutta(stages), _) => {
-                    let first = plan.inner_row(i);
-                    let mut own = |recorder: &mut Recorder<'_>, stage: usize, here: &Instant, onto: &mut Adjoint| {
-                        let Some(k) = inner_nodes().position(|(s, ..)| s == stage).filter(|_| plan.inner) else {
-                            return Ok(());
-                        };
-                        seed(recorder, here, wanted, &seeds[(first + k) * w..(first + k + 1) * w], onto)
-                    };
                     runge_kutta::step_back(&mut recorder, (start, end), stages, at, &mut own)?
+                }
+                (Made::Radau(stages), _) => {
+                    let Some(probe) = &probe else { return Err(Error::model("a step of Radau's method has no probe")) };
+                    radau::step_back(&mut recorder, (start, end), (stages, probe), at, &mut own, counts)?
                 }
                 _ => at,
             };
@@ -223,8 +234,12 @@ pub fn backward(
     }
     counts.add("stored states", longest as u64);
     seed(&mut recorder, &first.instant, wanted, &seeds[..w], &mut at)?;
-    let starting = Starting::new(eq, &first.instant, &plan.follow)?;
-    let at = first_back(&mut recorder, &starting, &first.instant, at)?;
+    let start = &run.start;
+    if eq.has_state_rates() && !plan.rule.opens_states() {
+        opened_back(&mut recorder, start, 0.0, &mut at);
+    }
+    let starting = Starting::new(eq, &start.instant, &plan.follow)?;
+    let at = first_back(&mut recorder, &starting, &start.instant, at)?;
     let numbers = recorder.numbers();
     directions
         .iter()

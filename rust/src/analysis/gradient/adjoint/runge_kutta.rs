@@ -47,19 +47,12 @@ pub fn step_back(
     recorder: &mut Recorder<'_>,
     (from, end): (&Here, &Here),
     by: &Stages,
-    mut at: Adjoint,
+    at: Adjoint,
     seed: &mut dyn FnMut(&mut Recorder<'_>, usize, &Instant, &mut Adjoint) -> Result<()>,
 ) -> Result<Adjoint> {
     let eq = recorder.eq;
     let mut before = Adjoint::none(from);
-    if at.memory.iter().any(|m| *m != 0.0) {
-        remembered_back(recorder, &by.end.memory, &end.instant.motion, &mut at);
-    }
-    let factor = accelerating(eq, &by.end)?.0;
-    let mut held = Adjoint::none(end);
-    accelerations_back(recorder, &by.end, &end.instant, &factor, &mut at, &mut held)?;
-    add(&mut at.memory, &held.memory);
-    projections_back(recorder, by, &factor, &mut at)?;
+    let at = ended_back(recorder, by, end, at)?;
     let none = |n: usize| vec![0.0; n];
     let (n, n_z) = (eq.n(), at.memory.len());
     let mut slopes = vec![Slope { y: none(n), v: none(n), z: none(n_z) }; by.all.len()];
@@ -96,6 +89,19 @@ pub fn step_back(
     add(&mut before.rate, &start.rate);
     add(&mut before.memory, &start.memory);
     Ok(before)
+}
+
+/// The end of a step: what is read of it and of its accelerations by poses, rates and memories before it is moved to the constraints.
+pub fn ended_back(recorder: &mut Recorder<'_>, by: &Stages, end: &Here, mut at: Adjoint) -> Result<Adjoint> {
+    if at.memory.iter().any(|m| *m != 0.0) {
+        remembered_back(recorder, &by.end.memory, &end.instant.motion, &mut at);
+    }
+    let factor = accelerating(recorder.eq, &by.end)?.0;
+    let mut held = Adjoint::none(end);
+    accelerations_back(recorder, &by.end, &end.instant, &factor, &mut at, &mut held)?;
+    add(&mut at.memory, &held.memory);
+    projections_back(recorder, by, &factor, &mut at)?;
+    Ok(at)
 }
 
 impl Sum<'_> {

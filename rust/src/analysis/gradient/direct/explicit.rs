@@ -128,7 +128,8 @@ fn motion_changes<const N: usize>(eq: &Equations<'_, Wide<f64, N>>, motion: usiz
 /// Do bodies move although all relative poses stay, or is anything touched that belongs to no part?
 fn bodies_move<const N: usize>(eq: &Equations<'_, Wide<f64, N>>) -> bool {
     let geometry = &eq.geometry;
-    let mut any = false;
+    // forces of the air change with what its sections remember
+    let mut any = eq.topology().air_memory.first() != eq.topology().air_memory.last();
     let mut look = |v: Wide<f64, N>| {
         any |= !v.is_constant();
         0.0

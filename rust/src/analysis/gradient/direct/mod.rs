@@ -2,12 +2,13 @@
 //!
 //! | file | |
 //! |---|---|
-//! | `along`, `slopes`, `runge_kutta` | by the tangents of the steps |
+//! | `along`, `slopes`, `runge_kutta`, `radau` | by the tangents of the steps |
 //! | `chunk`, `explicit`, `lanes` | what tangents do not give: by the numbers themselves, in several directions at once |
 mod along;
-mod chunk;
-mod explicit;
+pub(super) mod chunk;
+pub(super) mod explicit;
 mod lanes;
+mod radau;
 mod runge_kutta;
 pub(super) mod slopes;
 
@@ -24,9 +25,9 @@ use self::chunk::Moving;
 use self::slopes::{Slopes, add_mapped, add_turning_slopes, carried};
 use super::alpha::{self, Load, Solved};
 use super::kinks::{Kink, Watch};
-use super::march::{Here, Made, March};
+use super::march::{Here, Made, March, Rule};
 use super::quantity::{Quantity, read};
-use super::runge_kutta::is_inner;
+use super::radau::Probe;
 use super::{Direction, Plan};
 
 /// What generalised-alpha carries on, by all directions.
@@ -147,13 +148,18 @@ pub struct Sensitivities {
 fn stepped(
     along: &mut Along<'_>,
     (from, end, made): (&Here, &Here, &Made),
-    carry: Carry,
+    (carry, probe): (Carry, Option<&Probe<'_>>),
     stage: &mut dyn FnMut(usize, &Along<'_>, &Instant) -> Result<()>,
     counts: &mut Counts,
 ) -> Result<Carry> {
     counts.add("tangent linear steps", 1);
     if let Made::RungeKutta(stages) = made {
         along.runge_kutta(stages, &end.instant, stage, counts)?;
+        along.remember(&stages.end, &end.instant.motion, counts);
+        return Ok(carry);
+    }
+    if let (Made::Radau(stages), Some(probe)) = (made, probe) {
+        along.radau(stages, &end.instant, probe, stage, counts)?;
         along.remember(&stages.end, &end.instant.motion, counts);
         return Ok(carry);
     }
@@ -167,7 +173,7 @@ fn stepped(
             let by = Solved::new(along.eq, *p, from, end, *h, counts)?;
             along.alpha(from, end, (*p, *h), (&by, &carry), counts)?
         }
-        Made::RungeKutta(_) => None,
+        Made::RungeKutta(_) | Made::Radau(_) => None,
     };
     along.remember(&from.instant.motion, &end.instant.motion, counts);
     Ok(next.unwrap_or(carry))
@@ -196,9 +202,14 @@ pub fn direct(
         width,
         kinks: Vec::new(),
     };
+    let probe = (n_p > 0 && matches!(plan.rule, Rule::Radau)).then(|| Probe::new(eq));
     let mut march = March::new(eq, plan).with_tangents();
     let mut watch = Watch::new(eq, &first);
     let mut here = Here::first(first, plan.rule);
+    if !plan.rule.opens_states() {
+        // laws at rest begin with the states that belong to the drawn pose
+        here = along.open(&here, 0.0).into_owned();
+    }
     for i in 0..n_t {
         if i > 0 {
             let (end, made) = march.step(i - 1, &here, cancel, counts)?;
@@ -210,13 +221,13 @@ pub fn direct(
                 let derivatives = &mut out.derivatives;
                 let mut row = first;
                 let mut stage = |k: usize, along: &Along<'_>, at: &Instant| {
-                    if !plan.inner || !is_inner(k) {
+                    if !plan.inner || made.node_of(k).is_none() {
                         return Ok(());
                     }
                     row += 1;
                     along.read(at, wanted, &mut derivatives[(row - 1) * width * n_p..row * width * n_p])
                 };
-                carry = stepped(&mut along, (&here, &end, &made), carry, &mut stage, counts)?;
+                carry = stepped(&mut along, (&here, &end, &made), (carry, probe.as_ref()), &mut stage, counts)?;
             }
             watch.pass(&here.instant, &end.instant);
             here = match march.anew(i - 1, &end, counts)? {

@@ -50,6 +50,12 @@ impl Along<'_> {
         self.now.x = carried(eq.topology(), &by.increment, &start.x);
         add_mapped(&eq.rotation_maps(&by.increment), &dy, &mut self.now.x);
         (self.now.v, self.now.z) = (&start.v + dv, &start.z + dz);
+        self.ended(by, end, counts)
+    }
+
+    /// The end of a step, moved to the constraints, with its accelerations.
+    pub fn ended(&mut self, by: &Stages, end: &Instant, counts: &mut Counts) -> Result<()> {
+        let eq = self.eq;
         let (factor, jacobian) = accelerating(eq, &by.end)?;
         if eq.n_rows() > 0 {
             self.onto_rows(by, &jacobian)?;
@@ -101,7 +107,7 @@ impl Along<'_> {
     }
 
     /// g of laws with states.
-    fn rates(&self, at: &Instant) -> DMatrix<f64> {
+    pub fn rates(&self, at: &Instant) -> DMatrix<f64> {
         let mut out = self.zeros(self.now.z.nrows());
         if self.eq.has_state_rates() {
             let (x, v, z) = (&self.now.x, &self.now.v, &self.now.z);

@@ -2,6 +2,7 @@
 //!
 //! What a section feels is a function of its displacement, of the velocity field at its point and of its numbers; that function goes on
 //! the tape.
+use crate::aero::unsteady::Memory;
 use crate::spatial::{Six, V3};
 use crate::system::air::Here;
 use crate::system::placement::Placement;
@@ -32,10 +33,13 @@ impl<T: OnTape> Power<'_, '_, T> {
             let [xi, rate, felt] = [none, none, felt].map(|v| Six::new(v.l.map(&mut put), v.a.map(&mut put)));
             let air = now.air.map(&mut put);
             let own = self.eq.geometry.sections[i].map(&mut put);
+            let places = topology.section_memory(i);
+            let memory = self.motion.memory.get(places.clone()).unwrap_or(&[]);
+            let memory: Vec<_> = memory.iter().map(|v| put(*v)).collect();
             // what displacements and rates stand for is held
             let (induced, place) = (now.induced.map(T::leaf), now.place.map(T::leaf));
-            let section = own.section(now.spec, &air, now.section.inflow);
-            let here = Here { spec: now.spec, air: &air, induced, section, place };
+            let section = own.section(now.spec, &air, &topology.tables.air[now.spec.air]);
+            let here = Here { spec: now.spec, air: &air, induced, section, place, memory: Memory::read(&memory) };
             let d = T::slopes(felt.dot(&here.wrench_after(&xi, &rate)), n);
             let mut slopes = d.iter();
             let mut next = move || slopes.next().copied().unwrap_or_else(T::zero);
@@ -51,6 +55,9 @@ impl<T: OnTape> Power<'_, '_, T> {
             let onto = &mut out.geometry.sections[i];
             *onto = onto.map(&mut |v| v + next());
             onto.local += r.transpose() * moved.l;
+            if !memory.is_empty() {
+                out.memory[places].iter_mut().for_each(|v| *v += next());
+            }
         }
     }
 }

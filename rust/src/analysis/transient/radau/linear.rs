@@ -28,6 +28,8 @@ pub struct Linear {
     jacobian: Matrix,
     kept: Vec<usize>,
     factors: Option<Factors>,
+    /// of the time below which vibrations are much faster than the motion
+    slow: Option<(f64, Kkt)>,
 }
 
 struct Factors {
@@ -59,7 +61,7 @@ impl Linear {
         let mut jacobian = eq.matrix(eq.n_rows());
         scene.constraints_into(&mut jacobian);
         let kept = eq.rows.select(&jacobian, Level::All);
-        Linear { mass: tangent.mass, damping, stiffness: tangent.stiffness, jacobian, kept, factors: None }
+        Linear { mass: tangent.mass, damping, stiffness: tangent.stiffness, jacobian, kept, factors: None, slow: None }
     }
 
     /// Factors that serve steps of length h.
@@ -147,8 +149,20 @@ impl Linear {
     }
 
     /// (1/c - f')^-1 of slopes, the filter that takes fast motions out of the estimate: changes of position and rate. What a vibration
-    /// much faster than the step moves is in the positions; its rates, greater by its frequency, pass the filter once more.
-    pub fn filtered(&self, tableau: &Tableau, slopes: (&[f64], &[f64])) -> Result<Option<(Vec<f64>, Vec<f64>)>> {
+    /// much faster than the step moves is in the positions; its rates, greater by its frequency, pass the filter once more. `patience`:
+    /// vibrations faster than its inverse are so much faster than the motion that their rates do not count where steps are short either.
+    pub fn filtered(
+        &mut self,
+        tableau: &Tableau,
+        slopes: (&[f64], &[f64]),
+        patience: Option<f64>,
+        counts: &mut Counts,
+    ) -> Result<Option<(Vec<f64>, Vec<f64>)>> {
+        let patience = patience.filter(|c| self.factors.as_ref().is_some_and(|f| f.h / tableau.real.mu < *c));
+        if let Some(c) = patience.filter(|c| self.slow.as_ref().is_none_or(|s| s.0 != *c)) {
+            counts.add("factorisations", 1);
+            self.slow = Some((c, self.real(c)?));
+        }
         let Some(factors) = &self.factors else { return Ok(None) };
         let c = factors.h / tableau.real.mu;
         let (moved, turned) = slopes;
@@ -156,9 +170,17 @@ impl Linear {
         let g = self.jacobian.times(turned) * c;
         let rate = factors.real.solve_one(&f, &g)?.0;
         let position = rate.iter().zip(moved).map(|(v, p)| c * (v + p)).collect();
-        let (f, g) = (self.mass.times(rate.as_slice()), self.jacobian.times(rate.as_slice()));
-        let slow = factors.real.solve_one(&f, &g)?.0;
+        let mut slow = self.slower(&factors.real, &rate)?;
+        if let Some((_, filter)) = self.slow.as_ref().filter(|_| patience.is_some()) {
+            slow = self.slower(filter, &self.slower(filter, &slow)?)?;
+        }
         Ok(Some((position, slow.as_slice().to_vec())))
+    }
+
+    /// Rates without those of vibrations and decays that are fast beside a filter's time.
+    fn slower(&self, filter: &Kkt, rate: &DVector<f64>) -> Result<DVector<f64>> {
+        let (f, g) = (self.mass.times(rate.as_slice()), self.jacobian.times(rate.as_slice()));
+        Ok(filter.solve_one(&f, &g)?.0)
     }
 }
 

@@ -19,15 +19,17 @@ use crate::error::{Error, Result};
 use crate::run::Counts;
 use crate::tolerances::motion::{CORRECTION_ROUNDING, LEAST_MOTION, NEWTON_ITERATIONS, ROTATION_REPETITIONS, SAFETY};
 
+use super::explicit8::RecordedStage;
 use super::interpolate::quintic;
+use super::methods::STIFF;
 use super::{Equations, Instant, LocalError, Motion, Scheme, Step, scaled_size};
+use crate::tolerances::steps::{FIXED_SOLVED, SHARE_OF_TOLERANCE};
 use linear::{Linear, Stages};
-use numbers::{FIVE, Tableau};
+pub use numbers::FIVE;
+use numbers::Tableau;
 
-/// What is left of Newton's method, over the tolerance of a step.
-const SOLVED: f64 = 0.01;
-/// The same for fixed steps, over the motion.
-const SOLVED_FIXED: f64 = 1e-12;
+/// Iterations of steps that are recorded: their lengths were chosen before, and to a looser tolerance.
+const RECORDED_ITERATIONS: usize = 5 * NEWTON_ITERATIONS;
 /// Matrices with which more iterations than these are to be expected are made anew.
 const PATIENCE: f64 = 5.0;
 /// Matrices with which corrections shrank more slowly than this, in more than a few iterations, are made anew for the next step.
@@ -71,6 +73,12 @@ pub struct Radau {
     before: Option<(f64, f64)>,
     /// largest rate so far, in characteristic lengths or radians per second
     speed: f64,
+    /// stages of the last step, where they are asked for
+    record: Option<Vec<RecordedStage>>,
+    /// of the whole run
+    time: f64,
+    /// the time below which vibrations are much faster than the motion, in a scene that has such; looked for once
+    patience: Option<Option<f64>>,
 }
 
 /// The stages where the iteration has arrived.
@@ -85,7 +93,7 @@ impl Radau {
         Radau {
             tableau: &FIVE,
             fixed: rtol.is_none(),
-            solved: rtol.map_or(SOLVED_FIXED, |r| SOLVED * r),
+            solved: rtol.map_or(FIXED_SOLVED, |r| SHARE_OF_TOLERANCE * r),
             linear: None,
             contraction: 1.0,
             freshest: 0.0,
@@ -96,6 +104,30 @@ impl Radau {
             error: None,
             before: None,
             speed: 0.0,
+            time: f64::INFINITY,
+            patience: None,
+            record: None,
+        }
+    }
+
+    /// Keep the stages of each step.
+    pub fn recording(self) -> Self {
+        Radau { record: Some(Vec::new()), ..self }
+    }
+
+    /// The stages of the last step.
+    pub fn recorded(&mut self) -> Vec<RecordedStage> {
+        self.record.as_mut().map(std::mem::take).unwrap_or_default()
+    }
+
+    fn note(&mut self, stages: &Stages, trial: &Trial) {
+        if let Some(record) = &mut self.record {
+            let stage = |(i, motion): (usize, &Motion<f64>)| {
+                let [acceleration, lam] = [&stages.a[i], &stages.lam[i]].map(|v| v.as_slice().to_vec());
+                let at = Instant { motion: motion.clone(), acceleration, lam };
+                RecordedStage { increment: trial.theta[i].clone(), at }
+            };
+            *record = trial.motions.iter().enumerate().map(stage).collect();
         }
     }
 
@@ -216,7 +248,8 @@ impl Radau {
         let scales = eq.scales();
         let speed = self.speed.max(h * scaled_size(&from.acceleration, &scales)).max(LEAST_MOTION / h);
         let (mut last, mut fresh) = (f64::INFINITY, false);
-        for iteration in 1..=NEWTON_ITERATIONS {
+        let most = if self.record.is_some() { RECORDED_ITERATIONS } else { NEWTON_ITERATIONS };
+        for iteration in 1..=most {
             counts.add("iterations", 1);
             self.iterations = iteration;
             let trial = self.trial(eq, &from.motion, h, &stages.a);
@@ -265,14 +298,26 @@ impl Radau {
         Err(failed(format!("the equations of a step to t = {t:.9} s did not converge"), last))
     }
 
+    /// An undamped vibration that moves less than the tolerance, but not slowly beside the motion, would hold steps at its own period,
+    /// where the method does not damp it: its rates are not counted.
+    fn patience(&mut self, eq: &Equations<'_, f64>, at: &Instant, counts: &mut Counts) -> Result<Option<f64>> {
+        if let Some(known) = self.patience {
+            return Ok(known);
+        }
+        let stiff = eq.is_stiff(at, self.time, counts)?;
+        let found = stiff.then(|| 1.0 / (STIFF * eq.pace(at, self.time)));
+        self.patience = Some(found);
+        Ok(found)
+    }
+
     /// The embedded formula, filtered and brought to the order of the method.
     fn estimate(
-        &self,
+        &mut self,
         eq: &Equations<'_, f64>,
         from: &Instant,
-        stages: &Stages,
-        trial: &Trial,
+        (stages, trial): (&Stages, &Trial),
         speed: f64,
+        counts: &mut Counts,
     ) -> Result<LocalError> {
         let mu = self.tableau.real.mu;
         let (mut moved, mut turned) = (from.motion.rate.clone(), from.acceleration.clone());
@@ -281,7 +326,9 @@ impl Radau {
             moved.iter_mut().zip(&slope).for_each(|(m, s)| *m += mu * weight * s);
             turned.iter_mut().zip(stages.a[i].iter()).for_each(|(t, a)| *t += mu * weight * a);
         }
-        let filtered = self.linear.as_ref().map(|l| l.filtered(self.tableau, (&moved, &turned))).transpose()?;
+        let patience = self.patience(eq, from, counts)?;
+        let filtered = self.linear.as_mut().map(|l| l.filtered(self.tableau, (&moved, &turned), patience, counts));
+        let filtered = filtered.transpose()?;
         let (position, rate) = filtered.flatten().unwrap_or((moved, turned));
         let scales = eq.scales();
         let state = self.state_estimate(eq, from, trial);
@@ -349,6 +396,7 @@ impl Scheme for Radau {
             }
             made => made?,
         };
+        self.note(&stages, &trial);
         let Some(reached) = trial.motions.last() else {
             return Err(Error::singular("a method without stages"));
         };
@@ -357,10 +405,14 @@ impl Scheme for Radau {
         if estimate {
             eq.same_branch(&before, &end, h)?;
             let speed = self.speed.max(scaled_size(&end.motion.rate, &scales)).max(f64::MIN_POSITIVE);
-            self.error = Some(self.estimate(eq, from, &stages, &trial, speed)?);
+            self.error = Some(self.estimate(eq, from, (&stages, &trial), speed, counts)?);
         }
         self.tried = Some(Past { t: end.motion.t, h, stages });
         Ok(Step { end, error: self.error.clone() })
+    }
+
+    fn over(&mut self, time: f64) {
+        self.time = time;
     }
 
     fn accept(&mut self, _: &Equations<'_, f64>, _: &Instant, step: &Step, _: f64) {
@@ -376,7 +428,7 @@ impl Scheme for Radau {
         if self.fixed {
             return None;
         }
-        let error = size(&self.error.take()?).max(1e-12);
+        let error = size(&self.error.take()?).max(f64::MIN_POSITIVE);
         let h = self.past.as_ref()?.h;
         let power = 1.0 / self.power();
         let mut factor = SAFETY * error.powf(-power);

@@ -1,10 +1,10 @@
-//! The equations of one implicit step of BDF, without unit and without their Jacobian: what `bdf_bfgs` solves.
+//! The equations of one implicit step of BDF, without unit and without their Jacobian: what `inverse_updates` solves.
 //!
 //! ```text
 //! ggl:        theta' - T(theta) v + S J^T mu = 0    M v' + h + J^T lam = 0    Phi = 0    J v + Phi_t = 0
 //! symmetric:  v = T^-1(theta) theta'                M v' + h + J^T lam = 0    Phi = 0
 //! ```
-//! theta are increments from the last pose, T = J_l^-1 where three rotations act together, and y' is the derivative of
+//! theta are increments from the pose of a chart, T = J_l^-1 where three rotations act together, and y' is the derivative of
 //! the polynomial through the new and the past values, y' = y/g + (past). With m the mean inertia of the bodies that are connected,
 //! sigma_i = (m/M_ii)^1/2 and rho the scales of the rows the unknowns are theta/sigma, g v/sigma, g^2 lam/(m rho) and mu, the equations
 //! those above times g/sigma, g^2 sigma/m, rho and g rho: no entry of the Jacobian grows as h falls, and that of the symmetric form is
@@ -16,7 +16,7 @@ use crate::run::Counts;
 use crate::solve::Residual;
 use crate::system::topology::Level;
 
-use super::{Equations, Motion};
+use super::super::{Equations, Motion};
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Form {
@@ -79,28 +79,6 @@ impl Sizes {
     }
 }
 
-/// Derivative at times[0] of the polynomial through values at `times`: weights of the values.
-pub fn derivative_weights(times: &[f64]) -> Vec<f64> {
-    let t = times[0];
-    let mut weights = vec![0.0; times.len()];
-    for j in 1..times.len() {
-        let mut weight = 1.0 / (times[j] - t);
-        for k in (1..times.len()).filter(|k| *k != j) {
-            weight *= (t - times[k]) / (times[j] - times[k]);
-        }
-        weights[j] = weight;
-        weights[0] -= weight;
-    }
-    weights
-}
-
-/// Weights with which values at `times` give that of their polynomial at t.
-pub fn value_weights(times: &[f64], t: f64) -> Vec<f64> {
-    let factor = |j: usize, k: usize| (t - times[k]) / (times[j] - times[k]);
-    let all = 0..times.len();
-    all.clone().map(|j| all.clone().filter(|k| *k != j).map(|k| factor(j, k)).product()).collect()
-}
-
 /// Values about which a step is solved.
 #[derive(Debug, Clone)]
 pub struct Guess {
@@ -124,6 +102,8 @@ pub struct BdfStep<'a, 's> {
     /// z0 of the states of laws: z = z0 + g z'
     pub state_base: Vec<f64>,
     pub guess: Guess,
+    /// by how much the step moves the increments, as was foreseen
+    pub moved: Vec<f64>,
     /// factors of the equations, of order one
     pub row_factor: Vec<f64>,
     pub counts: &'a mut Counts,
@@ -234,31 +214,5 @@ impl Residual for BdfStep<'_, '_> {
             *out *= factor;
         }
         Ok(())
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn weights_are_those_of_the_four_step_formula() {
-        let h = 0.1;
-        let times: Vec<f64> = (0..5).map(|j| 2.0 - h * j as f64).collect();
-        let known = [25.0, -48.0, 36.0, -16.0, 3.0].map(|w| w / (12.0 * h));
-        for (w, k) in derivative_weights(&times).iter().zip(known) {
-            assert!((w - k).abs() < 1e-11, "{w} {k}");
-        }
-    }
-
-    #[test]
-    fn weights_are_exact_for_polynomials_at_unequal_times() {
-        let times = [1.0, 0.9, 0.7, 0.65, 0.4];
-        let f = |t: f64| 3.0 * t.powi(4) - t.powi(3) + 2.0 * t;
-        let slope = 12.0 - 3.0 + 2.0;
-        let found: f64 = derivative_weights(&times).iter().zip(times).map(|(w, t)| w * f(t)).sum();
-        assert!((found - slope).abs() < 1e-12, "{found}");
-        let value: f64 = value_weights(&times, 1.2).iter().zip(times).map(|(w, t)| w * f(t)).sum();
-        assert!((value - f(1.2)).abs() < 1e-12);
     }
 }

@@ -1,19 +1,31 @@
 //! Coefficients of the numerical differentiation formulas, and backward differences on a grid that changes.
-use super::LocalError;
+use super::super::LocalError;
 
-const KAPPA: [f64; 6] = [0.0, -0.1850, -1.0 / 9.0, -0.0823, -0.0415, 0.0];
-
+/// Sum of 1/j up to k: the weight of the difference of order k in the slope.
 pub fn gamma(k: usize) -> f64 {
     (1..=k).map(|j| 1.0 / j as f64).sum()
 }
 
-pub fn alpha(k: usize) -> f64 {
-    (1.0 - KAPPA[k]) * gamma(k)
+/// Formulas of one family by their order: kappa moves the slope by a part of the first difference that is left out.
+#[derive(Debug, Clone, Copy)]
+pub struct Formula {
+    kappa: [f64; 6],
 }
 
-pub fn error_constant(k: usize) -> f64 {
-    let kappa = KAPPA.get(k).copied().unwrap_or(0.0);
-    kappa * gamma(k) + 1.0 / (k as f64 + 1.0)
+impl Formula {
+    /// Backward differentiation.
+    pub const BDF: Formula = Formula { kappa: [0.0; 6] };
+    /// Shampine's and Reichelt's: smaller errors, a little less stable at orders three and four.
+    pub const NDF: Formula = Formula { kappa: [0.0, -0.1850, -1.0 / 9.0, -0.0823, -0.0415, 0.0] };
+
+    pub fn alpha(&self, k: usize) -> f64 {
+        (1.0 - self.kappa[k]) * gamma(k)
+    }
+
+    pub fn error_constant(&self, k: usize) -> f64 {
+        let kappa = self.kappa.get(k).copied().unwrap_or(0.0);
+        kappa * gamma(k) + 1.0 / (k as f64 + 1.0)
+    }
 }
 
 /// Increments from the chart, rates, and states of laws in the places of the memory.
@@ -45,6 +57,22 @@ impl Pair {
     }
 }
 
+/// Of points with equal distances, the last one first.
+pub fn backward_differences(points: Vec<Pair>) -> Vec<Pair> {
+    let mut row = points;
+    let mut differences = Vec::with_capacity(row.len());
+    while let Some(first) = row.first() {
+        differences.push(first.clone());
+        let next = |w: &[Pair]| {
+            let mut next = w[0].clone();
+            next.add(&w[1], -1.0);
+            next
+        };
+        row = row.windows(2).map(next).collect();
+    }
+    differences
+}
+
 /// Differences on a grid with steps longer by `factor` (Shampine and Reichelt, R U).
 pub fn stretched(d: &mut [Pair], order: usize, factor: f64) {
     let map = |factor: f64| {
@@ -71,6 +99,15 @@ pub fn stretched(d: &mut [Pair], order: usize, factor: f64) {
             if weight != 0.0 {
                 target.add(source, weight);
             }
+        }
+    }
+}
+
+impl LocalError {
+    /// Without what may be noise of this size.
+    pub fn lessen(&mut self, noise: &LocalError) {
+        for (own, noise) in [(&mut self.position, &noise.position), (&mut self.rate, &noise.rate)] {
+            own.iter_mut().zip(noise).for_each(|(e, n)| *e = e.signum() * (e.abs() - n).max(0.0));
         }
     }
 }

@@ -1,4 +1,4 @@
-//! The equations of a step of `bdf_bfgs`, solved by inverse quasi-Newton updates whose inverse goes on from step to step.
+//! The equations of a step, solved by inverse quasi-Newton updates whose inverse goes on from step to step.
 //!
 //! H is formed from differences at the start and where the iteration does not converge any more; where that does not help either,
 //! or after two failures of inverse BFGS, Broyden's update takes over.
@@ -9,25 +9,18 @@ use crate::solve::inverse::{Family, Guard, Inverse};
 use crate::solve::inverse_bfgs::{Options, Outcome, Start, Status, solve};
 use crate::solve::line_search::{Rule, norm2};
 
-use super::bdf_step::BdfStep;
+use super::equations::BdfStep;
+use crate::tolerances::roots::DIFFERENCE;
+use crate::tolerances::steps::{
+    FIXED_SOLVED, FRESH_INVERSE, INCREMENT_ROUNDING, LOOSEST, ROW_ROUNDING, SHARE_OF_MOTION,
+};
 
-/// Norm at which the equations of a step count as solved, over the motion within the step and the root of their number: for fixed
-/// steps, and over a tolerance for the motion, which about a thousand steps share.
-const SOLVED: f64 = 1e-12;
-const OF_TOLERANCE: f64 = 1e-5;
-/// Limits of that norm: rounding of rows and of increments, and what any step has to reach.
-const ROUNDING_OF_ROWS: f64 = 1e-15;
-const ROUNDING: f64 = 1e-17;
-const LOOSEST: f64 = 1e-14;
 /// Least cosine between y and s for an update: where BFGS meets a nonsymmetric or indefinite Jacobian, smaller ones ruin H.
 const CURVATURE: f64 = 0.1;
 /// A norm that is taken where the iteration stops short of the goal, over the goal.
 const NEAR: f64 = 30.0;
-/// The same where a fresh inverse was used, over the root of the number of equations.
-const ACCEPTABLE: f64 = 1e-11;
 const MAX_ITERATIONS: usize = 40;
 const PATIENCE: usize = 4;
-const DIFFERENCE: f64 = 1e-7;
 /// Failures of inverse BFGS after which Broyden's update stays.
 const STRIKES: u32 = 2;
 
@@ -56,7 +49,7 @@ impl StepSolver {
     /// Without a family inverse BFGS runs until it has failed twice, Broyden's update from there on.
     pub fn new(family: Option<Family>, rtol: Option<f64>) -> Self {
         StepSolver {
-            solved: rtol.map_or(SOLVED, |r| (OF_TOLERANCE * r).clamp(1e-15, SOLVED)),
+            solved: rtol.map_or(FIXED_SOLVED, |r| (SHARE_OF_MOTION * r).clamp(ROW_ROUNDING, FIXED_SOLVED)),
             family: family.unwrap_or(Family::Bfgs),
             settles: family.is_none(),
             strikes: 0,
@@ -91,9 +84,9 @@ impl StepSolver {
     }
 
     fn tolerance(&self, step: &BdfStep<'_, '_>) -> f64 {
-        let moved = step.guess.theta.iter().zip(&step.sizes.sigma);
+        let moved = step.moved.iter().zip(&step.sizes.sigma);
         let size = moved.fold(0.0_f64, |a, (v, s)| a.max((v / s).abs()));
-        let floor = if step.sizes.kept.is_empty() { ROUNDING } else { ROUNDING_OF_ROWS };
+        let floor = if step.sizes.kept.is_empty() { INCREMENT_ROUNDING } else { ROW_ROUNDING };
         (self.solved * size).clamp(floor, LOOSEST)
     }
 
@@ -120,7 +113,7 @@ impl StepSolver {
             last = norm2(&out.f);
             // short of the goal only what a fresh inverse could not better either
             let near = f64::max(NEAR * solved, 2.0 * self.floor);
-            if last <= near || attempt == 2 && last <= ACCEPTABLE * goal {
+            if last <= near || attempt == 2 && last <= FRESH_INVERSE * goal {
                 if attempt == 2 {
                     self.floor = last;
                 }

@@ -1,0 +1,66 @@
+"""Checks of the numbers and directions of laws."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from ..errors import ModelError
+
+
+def is_plain(value: Any) -> bool:
+    """True for a number that is not a parameter."""
+    return isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool)
+
+
+def number(value: Any) -> float:
+    """The number now."""
+    return float(value) if is_plain(value) else float(getattr(value, "value", value))
+
+
+def scalar(law: str, name: str, value: Any) -> Any:
+    """A finite number or a parameter."""
+    if isinstance(value, np.ndarray) and value.ndim == 0:
+        value = value.item()
+    if is_plain(value):
+        if not np.isfinite(value):
+            raise ModelError(f"{law}: {name} must be finite, it is {value}")
+        return float(value)
+    if isinstance(value, str | bytes | bool | complex | type(None) | Sequence | np.ndarray):
+        raise ModelError(f"{law}: {name} must be a number or a parameter, it is {value!r}")
+    return value
+
+
+def positive(law: str, name: str, value: Any) -> Any:
+    """A positive finite number or a parameter."""
+    value = scalar(law, name, value)
+    if is_plain(value) and value <= 0:
+        raise ModelError(f"{law}: {name} must be positive, it is {value}")
+    return value
+
+
+def sequence(law: str, name: str, values: Any) -> list[Any]:
+    """Numbers or parameters in a sequence."""
+    if isinstance(values, str | bytes) or not isinstance(values, Sequence | np.ndarray) or len(values) == 0:
+        raise ModelError(f"{law}: {name} must be a sequence of numbers, it is {values!r}")
+    return [scalar(law, f"{name}[{i}]", value) for i, value in enumerate(values)]
+
+
+def direction(law: str, w: Any) -> np.ndarray:
+    """A direction (n,) that is not zero, read only."""
+    if hasattr(w, "toarray"):
+        w = w.toarray().ravel()
+    try:
+        w = np.array(w, dtype=float)
+    except (TypeError, ValueError):
+        raise ModelError(f"{law}: w must be a real vector, it is {w!r}") from None
+    if w.ndim != 1 or w.size == 0:
+        raise ModelError(f"{law}: w must be a vector (n,), its shape is {w.shape}")
+    if not np.all(np.isfinite(w)):
+        raise ModelError(f"{law}: w contains NaN or infinite entries")
+    if not w.any():
+        raise ModelError(f"{law}: w is zero: the element would act on nothing; name the coordinate it works on")
+    w.setflags(write=False)
+    return np.asarray(w)

@@ -1,0 +1,37 @@
+//! Transfer functions: routes, poles, what peaks show.
+
+/// A route of evaluation is taken where it agrees with refined direct solutions this well, or as well as unrefined ones do. Larger: digits
+/// are given away. Smaller: the slow route is taken.
+pub const ACCEPTED: f64 = 1e-11;
+/// Even where unrefined solutions are worse than this.
+pub const WORST_ACCEPTED: f64 = 1e-9;
+
+/// Slowest motion at which a route is checked, over the fastest. Larger: slow motions are not checked. Smaller: rigid motions, whose
+/// roots are rounding, are.
+pub const SLOWEST_CHECK: f64 = 1e-6;
+
+/// Poles nearer to each other than this, relative, make one peak, and are kept or left out together. Larger: two peaks are told as one.
+/// Smaller: conjugates are cut apart.
+/// Pinned by `poles_make_one_peak_within_their_bound`.
+pub const SAME_POLE: f64 = 1e-9;
+
+/// A peak shows where it exceeds the values beside it by more than this factor. Larger: missed peaks are not told. Smaller: well
+/// resolved curves are warned of.
+/// Pinned by `a_peak_is_told_where_it_exceeds_its_neighbours`.
+pub const SHOWS: f64 = 1.05;
+
+/// Poles below this part of the largest are at rest when omega = 0: a zero root is known to the accuracy of a defective one only,
+/// so S itself decides there. Larger: time is lost. Smaller: infinite responses at rest are large numbers.
+pub const ZERO_POLE: f64 = 1e-6;
+
+/// Size of a singular direction as an output sees it times as an input drives it, over the sizes of both, below which it is not there.
+/// Larger: weakly driven rigid motion is lost. Smaller: rounding makes responses infinite.
+pub const UNSEEN: f64 = 1e-10;
+
+/// Damping on a singular direction, over the size of the damping matrix, that is rounding. Larger: weak damping of free motions is lost.
+/// Smaller: rounding damps them.
+pub const UNRESISTED: f64 = 1e-12;
+
+/// A feedthrough that is a difference of two terms is zero below this part of them. Larger: small feedthroughs are lost. Smaller:
+/// strictly proper systems have a feedthrough of rounding.
+pub const NO_FEEDTHROUGH: f64 = 1e-10;

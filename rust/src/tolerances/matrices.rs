@@ -1,0 +1,40 @@
+//! Entries and factors of matrices.
+
+/// Two entries across the diagonal are the same within this part of the largest entry: a route for symmetric matrices may be taken.
+/// Larger: a weak circulation is lost. Smaller: rounding of an assembly sends a symmetric system to the general route.
+/// Pinned by `entries_are_the_same_within_their_bound`.
+pub const SAME_ENTRY: f64 = 1e-14;
+
+/// Relative asymmetry of given matrices up to which they count as symmetric, or skew, but for the digits that they were written with.
+/// Larger: weak circulation is taken for noise. Smaller: matrices that were read from a file are refused.
+/// Pinned by `asymmetry_counts_from_its_bound_on`.
+pub const ASYMMETRY: f64 = 1e-10;
+
+/// The same of one spring, from which on its stiffness is not that of an energy. Larger: energy balances are off without a word. Smaller:
+/// turned matrices of a symmetric stiffness have no energy.
+pub const NO_ENERGY: f64 = 1e-12;
+
+/// Eigenvalues of one spring below this part of its largest are directions in which it does not act. Larger: weak directions are
+/// lost. Smaller: rounding holds what is free.
+pub const NO_SPRING: f64 = 1e-14;
+
+/// A pivot below this part of the diagonal entry from which it came is rounding, and the matrix singular. Larger: light coordinates behind
+/// heavy ones are called massless. Smaller: rounding over rounding.
+/// Pinned by `a_pivot_of_rounding_has_no_normal_form`.
+pub const PIVOT: f64 = 1e-13;
+
+/// The same of M in the sparse route, which refuses then. Larger: graded masses are refused. Smaller: coordinates without mass pass.
+/// Pinned by `masses_are_refused_from_their_bound_on`.
+pub const MASS_PIVOT: f64 = 1e-14;
+
+/// The same of K, where a shift at zero is no longer worth it, since free or nearly free motions answer. Only speed depends on it.
+/// Pinned by `a_zero_shift_is_given_up_from_its_bound_on`.
+pub const STIFFNESS_PIVOT: f64 = 1e-12;
+
+/// Residual of a solution with L D L^T without pivots, over the size of its terms, from which on its inertia is not believed. Larger:
+/// counts of a wrong factor pass. Smaller: counts of crowded spectra are refused.
+pub const INERTIA_RESIDUAL: f64 = 1e-11;
+
+/// Without pivots L D L^T needs a negative diagonal under constraint rows, this part of the others; refinement takes it out again. Only
+/// speed depends on it.
+pub const QUASI_DEFINITE: f64 = 1e-7;

@@ -1,0 +1,153 @@
+//! Eigenvalues and shapes.
+
+/// Multiple of u (2^-53) times the sum of the sizes of the terms of an entry that counts as rounding of the entry made before
+/// the solver saw it. Too small: roots of assembled matrices differ by more than their error. Too large: errors are pessimistic,
+/// and soft modes are called rigid. Pinned by tests/truth/test_graded_modes.py (errors against 50 digits, rigid or soft).
+pub const DATA_ROUNDING: f64 = 4.0;
+
+/// Relative error of a squared frequency (algorithm only) above which the expensive route is taken: factors, Jacobi's singular
+/// values, residuals in twice the precision. Too large: roots lose digits that the matrices hold. Too small: only time is lost.
+/// Pinned by tests/truth/test_graded_modes.py.
+pub const SHARP: f64 = 1e-12;
+
+/// Two roots whose distance is below this share of their geometric mean are rotated together (Rayleigh-Ritz) instead of divided
+/// by their distance. Too large: a group's quotients lose accuracy. Too small: corrections of close roots blow up.
+/// Pinned by tests/truth/test_graded_modes.py (repeated soft modes).
+pub const CLOSE: f64 = 1e-6;
+
+/// Cosine (in the metric of M) above which two approximate shapes are the same one: a root was then found twice and another is
+/// missing, and no error estimate holds. Pinned by tests/truth/test_graded_modes.py.
+pub const SAME_SHAPE: f64 = 1e-3;
+
+/// Relative effect on a squared frequency up to which damping between two undamped modes is left out; it is added to the error.
+/// Too large: shapes of coupled damping are real although they are not. Too small: rounding of proportional damping sends a
+/// system to the general route. Pinned by tests/linear/test_modal.py (proportional damping) and tests/truth/test_graded_modes.py.
+pub const UNCOUPLED: f64 = 1e-13;
+
+/// Multiple of the last place of a diagonal entry (in units of the masses) up to which an entry that no semidefinite matrix can have
+/// is rounding. Too small: rigid directions get roots of rounding. Too large: weak negative coupling of unheld directions is lost.
+/// Pinned by tests/truth/test_damped_modes.py (rounding beside damping).
+pub const ENTRY_ROUNDING: f64 = 4.0;
+
+/// Product of backward error and normwise condition above which a root of the general route is checked by Newton's method with
+/// residuals in twice the precision. What stays unchecked is off by about the square of this. Too small: every root costs a
+/// factorisation. Too large: small roots of graded systems are wrong unseen. Pinned by tests/truth/test_damped_modes.py.
+pub const DOUBTFUL: f64 = 1e-6;
+
+/// Share of Q''(s) times the distance to the nearest root that |psi^T Q'(s) phi| must reach for two roots alone to meet there; then
+/// a root moves like the square root of its residual. Too small: errors at defects of order three and more are too small.
+/// Pinned by tests/truth/test_damped_modes.py (defects of orders two to four).
+pub const DOUBLE_ROOT: f64 = 0.1;
+
+/// Distances, over that of the nearest root, of the roots that meet at a defect of order three and more. Too small: some of them are
+/// not counted and the error is too small by their share. Too large: roots beside the defect make the estimate larger, by their
+/// number. Pinned by tests/truth/test_damped_modes.py (defects of orders two to four).
+pub const MEETING: f64 = 10.0;
+
+/// Krylov cycles after which a zero shift is moved nearer to the lowest eigenvalues. Too small: factorisations are wasted on problems
+/// that would have converged. Too large: crowded spectra waste cycles first. No answer depends on it: inertia counts prove that none
+/// is missing. Pinned by tests/truth/test_crowded_modes.py.
+pub const PATIENCE: usize = 15;
+
+/// Bisections by inertia counts for that shift, at most: the range of 2^-50 of the largest eigenvalue is below rounding.
+pub const BISECTIONS: usize = 50;
+
+/// Part of each diagonal entry of M that is added before its factorisation is asked whether M is semidefinite: rounding of the
+/// inertia of a rod about its own axis stays below. Too small: rods are refused. Too large: negative masses pass. Pinned by
+/// tests/truth/test_crowded_modes.py (point masses and rods).
+pub const SEMIDEFINITE: f64 = 1e-12;
+
+/// What a factor of M holds of a coordinate beyond the others, over the length of its column, that is rounding of arms: the coordinate
+/// then has no inertia of its own. A share of 1e-12 of a column is 1e-24 of a mass. Larger: light bodies on heavy ones are refused.
+/// Smaller: roots of rounding. Pinned by tests/truth/test_soft_and_stiff.py and tests/linear/test_bad_input.py.
+pub const MASSLESS: f64 = 1e-12;
+
+/// Sum of the sizes of the terms of a Rayleigh quotient over its value from which on it is taken in twice the precision. Below, its
+/// rounding is part of the error of the data. Too small: work. Too large: soft modes of matrices lose digits that the entries hold.
+/// Pinned by tests/truth/test_graded_modes.py.
+pub const CANCELLING: f64 = 1e5;
+
+/// Relative strain of a rigid mode that cannot be rounding of its shape. Too small: the factor of the stiffness is made once more than
+/// needed. Too large: a strained mode stays rigid. Pinned by tests/truth/test_graded_modes.py (soft modes of models).
+pub const STRAINED: f64 = 1e-9;
+
+/// Relative error of an assembled model's frequency from which on the factor of its stiffness is worth a second solution. Too small:
+/// ordinary models are solved twice. Too large: soft modes keep the rounding of stiff springs. Pinned by
+/// tests/truth/test_graded_modes.py.
+pub const GRADED: f64 = 1e-9;
+
+/// Roots that a symmetry makes equal come out this far apart: positions and closed loops carry some rounding. Derivatives treat them as
+/// one. Larger: roots that differ lose their own derivatives. Smaller: derivatives of rounding's choice of shapes.
+pub const SAME_ROOT: f64 = 1e-11;
+
+/// A smaller pivot of M means that M is ill-conditioned: light bodies are lost in the rounding of heavy ones. Then a factor of M is
+/// used. Too small: light bodies keep that rounding. Too large: only time is lost. Pinned by tests/truth/test_soft_and_stiff.py.
+pub const LIGHTEST: f64 = 1e-5;
+
+/// |psi^T Q'(s) phi| relative to its terms, below which a root counts as near-defective: two roots of one mode then agree to about this,
+/// and a damping ratio is within about its square of one. Larger: healthy roots are told as defective. Smaller: shapes of a defect, which
+/// rounding chooses, pass without a word.
+pub const NEAR_DEFECTIVE: f64 = 1e-6;
+
+/// Roots further apart than this, over their size, are never called repeated, however badly conditioned they are. Larger: distinct
+/// roots share a shape. Smaller: the two of a defect, which part like the root of rounding, are called distinct.
+pub const CLOSEST: f64 = 1e-8;
+
+/// Separation of a root (as of `NEAR_DEFECTIVE`) below which a first-order correction says nothing. Larger: corrections are left
+/// out that would gain digits. Smaller: corrections of rounding.
+pub const SEPARATED: f64 = 1e-4;
+
+/// Relative distance of two roots with one shape that Newton's method has led to one place. Larger: close roots are called one.
+/// Smaller: a root is told twice.
+pub const TWICE: f64 = 1e-9;
+
+/// Pivots of an equilibrated matrix above this prove full rank without an eigenproblem. Larger: time is lost. Smaller: rank is decided by
+/// pivots, which see it to within a factor of the size of the matrix.
+pub const CLEARLY_REGULAR: f64 = 1e-8;
+
+/// Smallest eigenvalue in units of the masses, over the largest, from which on nothing asks for rigid modes. The margin is wide since
+/// masses scale these eigenvalues, unlike the test of rank. Larger: time is lost. Smaller: rigid modes get roots of rounding.
+pub const FAR_FROM_RIGID: f64 = 1e-7;
+
+/// Size of a Newton step on orthonormal null vectors above which they are kept as they are. Larger: steps of a nearly singular matrix
+/// are followed. Smaller: rounding stays in null vectors whose entries differ by orders.
+pub const NULL_STEP: f64 = 1e-6;
+
+/// Roots of less modulus than this share of |A| come from the reversed problem, where they are the large ones. Larger: work is
+/// done twice. Smaller: small roots keep the rounding of the large ones.
+pub const BLURRED: f64 = 1e-6;
+
+/// Moduli within this of the largest count as equal, so that the sign and the rows that a shape is told by do not hang on rounding.
+/// Larger: a smaller component decides. Smaller: rounding decides. A choice, never an answer, depends on it.
+/// Pinned by `of_equal_components_the_first_is_the_largest`.
+pub const TIE: f64 = 1e-6;
+
+/// Real part of the component that decides the sign of a shape, over its modulus, below which its imaginary part decides. A choice, as
+/// `TIE`.
+pub const IMAGINARY: f64 = 1e-9;
+
+/// Imaginary parts of a shape, over their components (these counted as a thousandth of the shape at least), below which the shape is
+/// real. Larger: complex shapes are normalised as real ones. Smaller: rounding makes real shapes complex.
+pub const REAL_SHAPE: f64 = 1e-12;
+
+/// |x^T A x| over the largest |x^T A y| of a group below which x is isotropic to rounding and is mixed with another of the group.
+/// Larger: bases turn for nothing. Smaller: vectors are divided by rounding. Both are bases of one space.
+pub const ISOTROPIC: f64 = 1e-4;
+
+/// Relative commutator of stiffness and damping above which damping is not proportional, before any eigenproblem is solved. Larger: an
+/// eigenproblem is solved for nothing. Smaller: rounding sends proportional damping to the general route.
+pub const COMMUTING: f64 = 1e-8;
+
+/// Sign characteristic of a real root, over its terms, that counts as zero. Larger: overdamped pairs are formed by likeness alone.
+/// Smaller: rounding forms pairs.
+/// Pinned by `a_sign_counts_from_its_bound_on`.
+pub const NEUTRAL: f64 = 1e-10;
+
+/// Change of a rigid mode's stiffness by a parameter, over its terms, below which the mode stays rigid. Larger: soft springs that hold a
+/// mode have no derivative. Smaller: rounding holds it.
+pub const STILL_RIGID: f64 = 1e-10;
+
+/// Part by which the square of an entry must exceed the product of its diagonal entries for no semidefinite matrix to have it.
+/// Larger: indefinite entries of rounding stay. Smaller: entries at the limit, those of a spring between two masses, count as rounding.
+/// Pinned by `an_entry_of_rounding_that_no_semidefinite_matrix_has_is_dropped`.
+pub const INDEFINITE: f64 = 1e-12;

@@ -1,0 +1,126 @@
+//! Periodic motions: dynamic stiffness, residuals, events.
+
+/// A coordinate counts at least as if it held this part of the largest root of an energy. Larger: steps of what is small beside the
+/// rest are not measured. Smaller: what vanishes by symmetry measures steps by rounding. Not scanned.
+pub const LEAST_SCALE: f64 = 1e-6;
+
+/// Part of the sum of the absolute terms of an entry of the condensed dynamic stiffness within which a change hides in the entry's
+/// own rounding: two units in the last place. Free of units. Too large: S is extrapolated where it has visibly changed, and Newton's
+/// method goes to the wrong place before the accepted residual stops it; too small: one factorisation more per correction.
+/// Pinned by tests/truth/test_frequency_blocks.py.
+pub const HIDDEN: f64 = 2.0 * f64::EPSILON;
+
+/// Part of the natural size of an entry of the condensed dynamic stiffness that rounding of a factorisation may change, by its
+/// bound, before the entry is refined. Free of units. Too large: curves of finely divided structures carry the rounding; too small:
+/// refinements that change nothing. Pinned by tests/nonlinear/test_hbm_rounding.py.
+pub const FELT: f64 = 1e-6;
+
+/// Correction of an entry by a residual, relative to its natural size, after which the next correction, about its square, would not
+/// count. Free of units. Too large: S keeps a visible error; too small: structures are refused that are known well enough.
+/// Pinned by tests/nonlinear/test_hbm_rounding.py.
+pub const SETTLED: f64 = 1e-7;
+
+/// An entry of the condensed dynamic stiffness below this part of its rounding in plain arithmetic is zero: what is left of it after
+/// refinement is rounding of the refinement. Free of units. Too large: small entries are not refined; too small: structures that are
+/// free at rest are refused. Pinned by tests/truth/test_frequency_blocks.py.
+pub const ABSENT: f64 = 1e-10;
+
+/// Rounding of a residual in units of eps times the sum of the absolute terms of its row. Free of units. Too large: residuals that
+/// are not rounding pass; too small: points that are as good as the arithmetic allows are refused.
+/// Pinned by tests/truth/test_frequency_blocks.py.
+pub const ROW_ROUNDING: f64 = 16.0;
+
+/// Growth rates of perturbations below this fraction of the base frequency count as zero. Free of units. Too large: weak
+/// instabilities are called stable; too small: rounding of the multipliers of undamped systems is called unstable.
+/// Pinned by tests/truth/test_hbm_events.py.
+/// Also by `growth_counts_from_its_bound_on`.
+pub const NEUTRAL: f64 = 1e-9;
+
+/// A period that takes less than this part out of a change of a law's state leaves the state free. Free of units. Too large: weakly
+/// dissipating cycles keep the state of their start; too small: rounding of a thousand steps decides.
+/// Pinned by tests/nonlinear/test_state_laws.py.
+pub const STATE_FREE: f64 = 1e-11;
+
+/// Rounding of a law's state after a period, over its largest value. Free of units. Too large: states that are not periodic pass; too
+/// small: periods are repeated for nothing. Pinned by tests/nonlinear/test_state_laws.py.
+pub const STATE_CLOSED: f64 = 1e-13;
+
+/// Rounding of the equations between two samples of a law's state, in units of eps times the sum of their absolute terms. Free of
+/// units. Too large: states that solve nothing pass; too small: laws that relax fast are refused.
+/// Pinned by `every_accepted_state_solves_its_equations` of `hbm::periodic_state`.
+pub const STATE_ROUNDING: f64 = 16.0;
+
+/// Largest |Re s| over the base frequency of an exponent that crosses the imaginary axis at a point that was solved for. Free of
+/// units. Too large: jumps of the exponents where a contact closes are called bifurcations; too small: bifurcations of stiff systems,
+/// whose exponents have rounding, are lost. Pinned by tests/truth/test_hbm_events.py.
+pub const AXIS: f64 = 1e-6;
+
+/// The same on the unstable side of a border that was bracketed, where two exponents that meet on the axis part like the root of the
+/// distance. Free of units; failures as of `AXIS`. Pinned by tests/truth/test_hbm_events.py.
+pub const AXIS_ROOT: f64 = 1e-3;
+
+/// How many times the regularity at a branch point may exceed what a linear decrease to zero leaves at the width of the bracket. Free of
+/// units. Too large: corners, where the determinant jumps through zero, are called branch points; too small: branch points of
+/// strongly curved branches are lost. Pinned by tests/truth/test_hbm_events.py.
+pub const BRANCHING: f64 = 1e3;
+
+/// Steps of the finest integration over which a contact must last to be seen by the stability of a motion. A count. Too large:
+/// the stability of short contacts is not told; too small: it is told wrongly. Pinned by tests/truth/test_hbm_events.py.
+pub const CONTACT_STEPS: usize = 8;
+
+/// Part of the range of an element's stiffness over the period by which it jumps where a contact opens or closes. Free of units.
+/// Too large: partial contacts are missed; too small: smooth laws that bend fast count as contacts.
+/// Pinned by tests/truth/test_hbm_events.py.
+pub const CONTACT_JUMP: f64 = 0.1;
+
+/// Entries of a condensed system, relative change of a solution, that end its refinement. Free of units. Too large: digits are given
+/// away; too small: refinements that change nothing.
+pub const REFINED: f64 = 1e-12;
+
+/// Step of the differences along a branch by which condensed coordinates move, relative to its length. Too large: their truncation,
+/// of fourth order, shows; too small: rounding shows. Both move a peak by their square.
+pub const ALONG_BRANCH: f64 = 1e-5;
+
+/// Two crossings of a conjugate pair lie within this part of a segment. Free of units. Too large: two bifurcations are told as one;
+/// too small: one is told twice.
+pub const SAME_CROSSING: f64 = 1e-6;
+
+/// Distance of Im s from 0 and from half of the base frequency, over the base frequency, within which a crossing exponent is real or
+/// doubles the period. Free of units. Too large: slow tori are called branch points; too small: rounding of a double exponent
+/// makes a torus of a branch point.
+pub const RESONANT: f64 = 1e-4;
+
+/// First and least step of the search for the start of a branch and for a peak, over the scale of the unknowns. Free of units. A larger
+/// first step is repeated, a smaller one grows; a larger least step gives up early, a smaller one late.
+pub const FIRST_STEP: f64 = 1e-3;
+/// See `FIRST_STEP`.
+pub const LEAST_STEP: f64 = 1e-10;
+
+/// Residual over the sum of its terms to which the points of a search for a peak are solved. Free of units. Too large: the peak is
+/// less accurate than the curve; too small: rounding refuses it.
+pub const PEAK_SOLVED: f64 = 1e-11;
+
+/// Expected error of the extrapolated monodromy matrix, relative to its size, that ends the doubling of steps. Free of units. Too large:
+/// multipliers of weakly damped motions have visible errors; too small: steps are doubled down to rounding.
+pub const MONODROMY: f64 = 1e-10;
+
+/// Changes of the monodromy matrix larger than this do not tell yet how fast the next ones will shrink. Free of units. Too large: an error
+/// is expected that is too small; too small: one doubling more.
+pub const SHRINKING: f64 = 1e-5;
+
+/// Largest difference between the sum of the exponents and the trace, relative to the base frequency, that passes. Free of units. Too
+/// large: lost exponents pass; too small: rounding refuses the stability.
+pub const TRACE: f64 = 1e-6;
+
+/// Exponents nearer than this (relative to the base frequency) to |Im s| = omega/2 lie there. Free of units. Too large: exponents
+/// beside the edge are told twice; too small: rounding takes one of the two away.
+pub const EDGE: f64 = 1e-7;
+
+/// Largest difference of multipliers at which the monodromy matrix may take the place of Hill's problem along a branch. Free of units.
+/// Too large: a worse matrix tells the stability; too small: Hill's problem is solved at each point. See `MONODROMY`.
+pub const AGREEMENT: f64 = 1e-7;
+
+/// Multipliers below this part of the norm of the monodromy matrix are rounding of it, and the trace tells their exponents. Free of units.
+/// Too large: fast decays are averaged; too small: they are rounding.
+/// Pinned by `multipliers_that_rounding_hides_follow_from_the_trace`.
+pub const VISIBLE: f64 = 1e-11;

@@ -1,0 +1,39 @@
+//! Newton's method, continuation, quasi-Newton methods.
+
+/// Shortest part of a Newton step that a line search tries. Larger: stiff problems are given up early. Smaller: late.
+pub const LEAST_DAMPING: f64 = 1e-6;
+
+/// Newton step over the scale of the unknowns that an ill-conditioned Jacobian may keep above the tolerance; below this the point is
+/// taken and the step told. Larger: points that have not converged pass. Smaller: points near to folds are refused.
+pub const STEP_ROUNDING: f64 = 1e-7;
+
+/// Singular values of a Jacobian near this part of the largest are damped in its regularised inverse. Larger: slow convergence. Smaller:
+/// steps along directions that the equations do not feel.
+pub const REGULARISED: f64 = 1e-8;
+
+/// Residual to which points of a search within a segment are solved, at most. Larger: events are less accurate. Smaller: rounding.
+pub const EVENT_SOLVED: f64 = 1e-11;
+
+/// Width of a bracket over the segment, and a value over those at its ends, that are rounding. Larger: events are less accurate.
+/// Smaller: bisections that change nothing.
+pub const BRACKET: f64 = 1e-13;
+
+/// Part of a segment down to which a jump is bracketed. Larger: jumps are told less accurately. Smaller: both sides cannot be told apart.
+pub const NARROW: f64 = 1e-9;
+
+/// Distance between the two sides of a jump, over the scale of the unknowns, up to which they are one branch though the bracket is
+/// narrower. Larger: torn branches pass as one. Smaller: rounding tears a branch.
+pub const TORN: f64 = 1e-6;
+
+/// Norm of the residual at which a quasi-Newton method ends where no tolerance is given. Larger: less accurate. Smaller: rounding.
+pub const QUASI_NEWTON: f64 = 1e-10;
+
+/// Least cosine of an update of BFGS; and how far one update may change the determinant of the inverse, this factor and over it. Beyond,
+/// the update is left out. Larger: updates of use are left out. Smaller: one bad update ruins the inverse.
+pub const CURVATURE: f64 = 1e-12;
+/// See `CURVATURE`.
+pub const DETERMINANT: f64 = 1e-10;
+
+/// Relative increment of forward differences and of power iterations by differences, about the root of eps. Larger: truncation. Smaller:
+/// rounding.
+pub const DIFFERENCE: f64 = 1e-7;

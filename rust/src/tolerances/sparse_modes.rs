@@ -1,0 +1,61 @@
+//! Modes of large sparse systems.
+
+/// Residual of a Ritz pair, over its value, at which it has converged. Larger: shapes are less accurate. Smaller: cycles in rounding.
+pub const CONVERGED: f64 = 1e-11;
+
+/// Part of a vector that is left of it beside the others, from which on it is rounding of their span. Larger: new directions are
+/// thrown away. Smaller: a basis that is not orthogonal.
+pub const DEPENDENT: f64 = 1e-13;
+/// The same of a random vector, which has a large part outside of any span that is not the whole space.
+pub const DEPENDENT_RANDOM: f64 = 1e-10;
+
+/// Moduli of two Ritz values that are equal but for rounding: a conjugate pair stays together. Larger: values of two pairs are
+/// mixed in their order. Smaller: a pair is cut.
+pub const SAME_MODULUS: f64 = 1e-12;
+
+/// Relative change of eigenvalues after a restart with new random vectors below which none was missing. Larger: a missing one passes.
+/// Smaller: restarts for nothing.
+pub const SAME_VALUE: f64 = 1e-9;
+/// The same of damped roots, of which rounding makes more.
+pub const SAME_DAMPED: f64 = 1e-8;
+
+/// Estimated error of an eigenvalue, over it, at which the rounds of widening end. Larger: digits are given away. Smaller: rounds
+/// that change nothing.
+pub const RESOLVED: f64 = 1e-12;
+
+/// Rounding of a sum of some ten thousand positive energies, over the sum. Larger: errors are pessimistic. Smaller: they are too small.
+pub const SUM_ROUNDING: f64 = 1e-14;
+
+/// Values of the whole operator below this part of its largest are zeros that constraints leave. Larger: stiff modes are lost. Smaller:
+/// constraints are told as modes.
+pub const CONSTRAINED: f64 = 1e-13;
+
+/// First negative shift, over the largest ratio of the diagonals of K and M. It only comes nearer to zero from there. Larger: slower
+/// convergence. Smaller: factors near to a singular matrix. No answer depends on it.
+pub const FIRST_SHIFT: f64 = 1e-4;
+
+/// Values below this part of a shift are not elastic, where the next shift is looked for. Larger: soft modes are far from the
+/// shift. Smaller: rounding of rigid modes attracts it. No answer depends on it.
+pub const ELASTIC: f64 = 1e-7;
+
+/// A gap behind the last wanted eigenvalue, over its distance from the shift, that can be counted through. Larger: wide groups
+/// are taken as one. Smaller: a group is cut in two and found incomplete.
+pub const GAP: f64 = 1e-6;
+
+/// Eigenvalues of assembled matrices below this part of the shift cannot be told from zero. Larger: soft modes are rigid. Smaller:
+/// rigid modes get roots of rounding.
+pub const RIGID: f64 = 1e-12;
+/// The same where energies come from strains: this part of the largest ratio of the diagonals.
+pub const RIGID_BY_STRAINS: f64 = 1e-26;
+
+/// An elastic eigenvalue below this part of the shift is soft beside it, and the shift moves nearer. Larger: factors without need.
+/// Smaller: soft modes are less accurate.
+pub const SOFT: f64 = 1e-6;
+
+/// Roots below this part of the shift are double zeros of rigid motion, which rounding moves by its root. Larger: slow modes are
+/// rigid. Smaller: rigid motions oscillate.
+pub const RIGID_PAIR: f64 = 1e-5;
+
+/// Relative difference of the energy of a shape and the work of the forces that hold it, above which a saddle system does not hold what it
+/// should. Larger: wrong factors pass. Smaller: rounding refuses the route.
+pub const ENERGY_IS_WORK: f64 = 1e-5;

@@ -1,0 +1,88 @@
+//! Steps in time: instants, what a step has to solve, start of the multistep methods.
+
+/// Instants that differ by less, over the whole time, are one: rounding of t. Larger: breaks that are close are passed. Smaller: steps that
+/// do not change t.
+pub const SAME_INSTANT: f64 = 1e-14;
+
+/// How far before a break a step ends, over the whole time, so that nothing in it is from behind the break. Larger: a gap in the motion.
+/// Smaller: rounding takes the step across.
+pub const BEFORE_BREAK: f64 = 1e-13;
+
+/// Lengths of steps that agree so well are one length: no splinter is made, and no factorisation anew. Larger: steps do not end where
+/// they are said to. Smaller: splinters.
+pub const SAME_LENGTH: f64 = 1e-9;
+
+/// An instant within this part of a fixed step from a multiple of it is on the grid. Larger: steps are left out. Smaller: rounding of
+/// a long motion makes splinters.
+pub const ON_GRID: f64 = 1e-6;
+
+/// Steps whose ratio differs from one by less leave the differences of a multistep method as they are. Larger: the history is off by
+/// this part. Smaller: histories are stretched by rounding.
+pub const SAME_STEP: f64 = 1e-12;
+
+/// Newton's remainder over the increment within a step whose next correction would be about its square: rounding. Larger: steps are
+/// not solved, and derivatives of them are off. Smaller: one iteration more for nothing.
+pub const QUADRATIC: f64 = 1e-9;
+/// The same from which on tangents are the same too: derivatives of a motion part by less than 1e-10.
+pub const EXACT: f64 = 1e-11;
+
+/// Remainder of Newton's method over the motion within a fixed step: such steps have no tolerance. Larger: the remainder shows in
+/// measured orders. Smaller: rounding is solved.
+pub const FIXED_SOLVED: f64 = 1e-12;
+/// Over the tolerance of a controlled step. Larger: the remainder is a part of its error. Smaller: iterations for nothing.
+pub const SHARE_OF_TOLERANCE: f64 = 0.01;
+
+/// Closing of loops within a step, over lengths of their loop or radians: closed, and the largest opening that a stalled closing may
+/// leave. Larger: energy drifts by openings. Smaller: rounding never closes, or stops the motion.
+pub const CLOSED: f64 = 1e-14;
+/// See `CLOSED`.
+pub const CLOSED_ENOUGH: f64 = 1e-10;
+/// Loosest closing of the stages of a step far from singular poses, and corrections within it that are rounding once they shrink no more.
+/// Larger: accelerations of stages miss the tolerance. Smaller: time is lost.
+pub const COARSELY_CLOSED: f64 = 1e-7;
+/// See `COARSELY_CLOSED`.
+pub const CLOSING_ROUNDING: f64 = 1e-11;
+
+/// Turned rates that move less than this within a step, characteristic lengths or radians, are rounding of a motion at rest. Larger: a
+/// branch may be lost in slow motion. Smaller: rest cannot go on.
+pub const STILL: f64 = 1e-10;
+
+/// Local errors near singular poses below this are lost in the rounding that the pose amplifies: a tolerance that asks for less is held
+/// to it. Larger: crossings are less accurate. Smaller: crossings are refused.
+pub const FINEST_CROSSING: f64 = 1e-10;
+
+/// Slider forces over their limit that differ by less are equal but for rounding. Larger: turning points are missed. Smaller: rounding
+/// turns sliders at rest.
+pub const SLIDER_TURNS: f64 = 1e-13;
+
+/// Step of the differences by which the acceleration of a rotation vector is found at the end of a step, over the largest rate: these
+/// are central, of a smooth map alone. Larger: truncation. Smaller: rounding. Only what is read between steps depends on it.
+pub const INTERPOLATED: f64 = 1e-5;
+
+/// Local error of the motion that starts fixed steps of a multistep method, as a relative tolerance. Larger: the start spoils the measured
+/// order. Smaller: long starts.
+pub const START: f64 = 1e-11;
+
+/// Error of a start step of bdf-bfgs, characteristic lengths or radians: for fixed steps; and the least under a tolerance. Larger: the start
+/// shows in the error. Smaller: rounding divides start steps without end.
+pub const START_ERROR: f64 = 1e-10;
+/// See `START_ERROR`.
+pub const LEAST_START_ERROR: f64 = 1e-12;
+/// The same over a tolerance. Larger: differences of the first points show the errors of the start, and steps are rejected. Smaller:
+/// more parts.
+pub const START_SHARE: f64 = 1e-3;
+/// Shortest part of a start step, over the step. Larger: kinks at the start refuse the motion. Smaller: they hold it up.
+pub const SHORTEST_START: f64 = 1e-7;
+
+/// Norm of the equations of a step of bdf-bfgs over a tolerance for the motion, which about a thousand steps share. Larger: the remainder
+/// adds up to the tolerance. Smaller: evaluations for nothing.
+pub const SHARE_OF_MOTION: f64 = 1e-5;
+/// Limits of that norm, over the root of the number of equations: rounding of constraint rows, of increments, and the loosest. Larger:
+/// steps are not solved. Smaller: rounding is solved.
+pub const ROW_ROUNDING: f64 = 1e-15;
+/// See `ROW_ROUNDING`.
+pub const INCREMENT_ROUNDING: f64 = 1e-17;
+/// See `ROW_ROUNDING`.
+pub const LOOSEST: f64 = 1e-14;
+/// The norm that passes where a fresh inverse cannot better it. Larger: unsolved steps pass. Smaller: motions near to singular poses stop.
+pub const FRESH_INVERSE: f64 = 1e-11;
