@@ -9,7 +9,6 @@ use num_dual::Dual64;
 
 use crate::analysis::linearize::{Linearization, Path, Setting, linearize, turning};
 use crate::analysis::rolling::rolls;
-use crate::analysis::transient::rotations::add_commutator;
 use crate::error::{Error, Result};
 use crate::model::geometry::Geometry;
 use crate::run::Counts;
@@ -17,6 +16,7 @@ use crate::system::air::Here;
 use crate::system::assemble::Scene;
 use crate::system::connector::Numbers;
 use crate::system::placement::{advance, place};
+use crate::system::rotations::add_commutator;
 
 /// E (dof, m), P and R (m, dof), A (m, m), and the air of each state.
 pub struct AirStates {

@@ -22,11 +22,11 @@
 use nalgebra::{DMatrix, DVector};
 
 use crate::analysis::linearize::{Path, Setting, Turning, turning_jacobian};
-use crate::analysis::transient::rotations::add_commutator;
 use crate::error::{Error, Result};
 use crate::system::assemble::Tangent;
 use crate::system::loops::{Loops, column_scales};
 use crate::system::rank::singular_values;
+use crate::system::rotations::add_commutator;
 use crate::system::topology::Level;
 use crate::tolerances::rolling::{APART, ROLLS_STEADILY, UNFELT};
 

@@ -9,8 +9,8 @@
 use nalgebra::DVector;
 
 use crate::analysis::linearize::{Linearization, Path, Setting, turning_jacobian};
-use crate::analysis::transient::rotations::add_commutator;
 use crate::system::loops::column_scales;
+use crate::system::rotations::add_commutator;
 use crate::system::topology::Level;
 use crate::tolerances::constraints::SINGULAR_POSE;
 

@@ -19,9 +19,9 @@ use crate::run::{Cancel, Counts};
 use crate::system::System;
 use crate::system::assemble::Effects;
 use crate::system::closure::{close, scene_at_rest};
+use crate::system::decision::Doubt;
 use crate::system::loops::redundant_names;
 use crate::system::placement::{State, advance, place};
-use crate::system::rank::Doubt;
 use crate::tolerances::coordinates::UNIT_QUATERNION;
 
 use super::border::{counts_dict, guarded, interruptible};

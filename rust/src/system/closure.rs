@@ -20,9 +20,10 @@ use crate::run::Counts;
 use crate::spatial::{Pose, V3, rotation_of_quaternion};
 use crate::system::System;
 use crate::system::assemble::{Effects, Scene};
+use crate::system::decision::Decision;
 use crate::system::loops::column_scales;
 use crate::system::placement::{Placement, State, advance, coordinates_of_poses, drawn_q, marker_pose, place};
-use crate::system::rank::{Decision, block_names, spectrum};
+use crate::system::rank::{block_names, spectrum};
 use crate::system::topology::{Node, Purpose};
 use crate::tolerances::constraints::{CLOSED, CLOSED_ROUNDING, DOUBTFUL, FELT};
 

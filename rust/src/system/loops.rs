@@ -11,7 +11,7 @@ use crate::linalg::matrix::Matrix;
 use crate::linalg::rows::{Level as Asked, RowBlocks, parts};
 use crate::spatial::Real;
 use crate::system::System;
-use crate::system::rank::Decision;
+use crate::system::decision::Decision;
 use crate::system::topology::{ConstraintRow, Topology};
 use crate::tolerances::constraints::TIE;
 

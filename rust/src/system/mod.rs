@@ -28,6 +28,7 @@ pub mod closure;
 pub mod connector;
 pub mod connector_force;
 mod constraint;
+pub mod decision;
 pub mod flexible;
 pub mod flexible_inertia;
 mod flexible_scene;
@@ -39,6 +40,7 @@ pub mod path;
 pub mod placement;
 pub mod rank;
 pub mod remoteness;
+pub mod rotations;
 pub mod rows;
 pub mod singular_pose;
 pub mod sparse;
@@ -51,8 +53,7 @@ use std::sync::{Arc, OnceLock};
 use crate::error::Result;
 use crate::model::geometry::Geometry;
 use crate::model::tables::Tables;
-use crate::system::rank::Decision;
-use crate::system::rows::row_scales;
+use crate::system::decision::Decision;
 use crate::system::topology::Topology;
 
 /// Topology plus values: immutable and cheap to clone; new values keep the topology.
@@ -68,8 +69,8 @@ pub struct System {
     /// accuracy of what was drawn: of lengths over `length`, and of angles (rad)
     pub tolerance: f64,
     /// ranks of the constraints, for every choice of effects that leave rows out
-    decisions: Arc<[OnceLock<Arc<Decision>>; 4]>,
-    row_scales: Arc<OnceLock<Vec<f64>>>,
+    pub(crate) decisions: Arc<[OnceLock<Arc<Decision>>; 4]>,
+    pub(crate) row_scales: Arc<OnceLock<Vec<f64>>>,
 }
 
 impl System {
@@ -102,11 +103,6 @@ impl System {
         let tolerance = topology.tables.tolerance;
         let (decisions, row_scales) = (Arc::default(), Arc::default());
         System { topology, x: Arc::new(x), geometry: Arc::new(geometry), length, tolerance, decisions, row_scales }
-    }
-
-    /// Factors that make the rows free of units, with the characteristic length for that of each loop.
-    pub fn row_scales(&self) -> &[f64] {
-        self.row_scales.get_or_init(|| row_scales(self, |_| self.length))
     }
 
     /// Times after `start` at which a motion is not smooth, ascending.

@@ -25,6 +25,7 @@ use crate::spatial::{Pose, V3};
 use crate::system::System;
 use crate::system::assemble::Effects;
 use crate::system::closure::{check_redundant, close_drawn, close_with, drawn_start, rows_at, rows_into};
+use crate::system::decision::{Decision, Doubt};
 use crate::system::placement::{advance, place};
 use crate::system::rows::row_scales;
 use crate::system::topology::{ConstraintRow, Level, Purpose};
@@ -32,29 +33,6 @@ use crate::tolerances::constraints::{APART, DOUBTFUL, ENTRY_ROUNDING, LOCKED, PR
 
 /// Blocks with more entries are decided by elimination, not by singular values.
 const DENSE_BLOCK: usize = 40_000;
-
-/// A constraint whose independence the drawing decides only just.
-#[derive(Debug, Clone)]
-pub struct Doubt {
-    /// the joints, drives, couplers and constraints of its loops
-    pub joints: Vec<String>,
-    /// opening per radian of the freed direction, over the length of the loop
-    pub singular_value: f64,
-    /// was it taken for redundant?
-    pub redundant: bool,
-}
-
-/// The ranks of a system's constraints, and the closed drawn pose at which they were found.
-#[derive(Debug, Clone)]
-pub struct Decision {
-    pub rows: Arc<RowBlocks>,
-    pub doubts: Vec<Doubt>,
-    /// blocks whose drawn pose has a lower rank than its neighbours
-    pub singular: Vec<usize>,
-    pub closed: Vec<f64>,
-    pub iterations: usize,
-    pub tolerance: f64,
-}
 
 /// Singular values of a block's rows and what they mean.
 pub(super) struct Spectrum {

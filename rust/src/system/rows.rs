@@ -43,6 +43,13 @@ impl Effects {
     }
 }
 
+impl System {
+    /// Factors that make the rows free of units, with the characteristic length for that of each loop.
+    pub fn row_scales(&self) -> &[f64] {
+        self.row_scales.get_or_init(|| row_scales(self, |_| self.length))
+    }
+}
+
 /// Factors that make rows free of units: displacements over a length, functions over what natural units of their coordinates change.
 pub fn row_scales(system: &System, length: impl Fn(usize) -> f64) -> Vec<f64> {
     let topology = &*system.topology;

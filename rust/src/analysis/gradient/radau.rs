@@ -16,12 +16,12 @@ use nalgebra::DMatrix;
 
 use crate::analysis::transient::ali3p::Linear;
 use crate::analysis::transient::radau::FIVE;
-use crate::analysis::transient::rotations::{Maps, rotation_triples};
 use crate::analysis::transient::{Equations, Motion};
 use crate::error::{Error, Result};
 use crate::linalg::kkt::Kkt;
 use crate::linalg::matrix::turn_columns;
 use crate::run::Counts;
+use crate::system::rotations::{Maps, rotation_triples};
 
 use super::Direction;
 use super::direct::chunk::{Chunk, Moving, WIDEST, chunk};

@@ -11,13 +11,13 @@ use num_dual::Dual64;
 
 use crate::analysis::transient::dop853_numbers::{A, B, C, Row};
 use crate::analysis::transient::explicit8::{Coordinates, Explicit8, RecordedStage};
-use crate::analysis::transient::rotations::{Maps, increment_slope, rotation_triples};
 use crate::analysis::transient::{Equations, Instant, Motion, Scheme};
 use crate::error::Result;
 use crate::linalg::kkt::Kkt;
 use crate::linalg::rows::Level as Asked;
 use crate::run::Counts;
 use crate::spatial::V3;
+use crate::system::rotations::{Maps, increment_slope, rotation_triples};
 
 /// A step with its stages; of the explicit method the first is its start, of an implicit one the last is its end.
 pub struct Stages {

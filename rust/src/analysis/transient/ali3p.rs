@@ -19,10 +19,10 @@ use crate::system::assemble::Tangent;
 use crate::system::topology::Level;
 
 use super::augmented::{Augmented, Penalty};
-use super::rotations::{Maps, add_turning};
 use super::{Equations, Instant, LocalError, Motion, Scheme, Step, scaled_size};
 use crate::linalg::kkt::Kkt;
 use crate::linalg::matrix::turn_columns;
+use crate::system::rotations::{Maps, add_turning};
 use crate::tolerances::steps::{EXACT, QUADRATIC};
 
 const MAX_ITERATIONS: usize = 25;

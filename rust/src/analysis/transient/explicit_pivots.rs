@@ -16,9 +16,9 @@ use crate::system::topology::Level;
 use crate::tolerances::constraints::TIE;
 
 use super::Equations;
-use super::rotations::rotation_triples;
 use crate::linalg::matrix::Matrix;
 use crate::linalg::rows::Level as Asked;
+use crate::system::rotations::rotation_triples;
 
 type Row = BTreeMap<usize, f64>;
 

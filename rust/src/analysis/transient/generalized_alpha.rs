@@ -18,9 +18,9 @@ use crate::run::Counts;
 use crate::spatial::Real;
 use crate::system::topology::Level;
 
-use super::rotations::add_turning;
 use super::{Equations, Instant, LocalError, Motion, Scheme, Step, scaled_size};
 use crate::linalg::kkt::Kkt;
+use crate::system::rotations::add_turning;
 use crate::tolerances::steps::QUADRATIC;
 
 /// In a singular pose Newton's method gains one bit at a time.

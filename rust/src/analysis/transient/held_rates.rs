@@ -11,9 +11,9 @@ use crate::linalg::entries::Entries;
 use crate::spatial::{M3, Real, V3, skew};
 use crate::system::assemble::Tangent;
 
-use super::rotations::rotation_triples;
 use super::{Equations, Motion};
 use crate::linalg::matrix::Matrix;
+use crate::system::rotations::rotation_triples;
 
 /// A matrix that can be read entry by entry; those of the same place add up.
 pub(super) trait Listed<T>: Entries<T> {

@@ -4,9 +4,9 @@ use crate::run::Counts;
 use crate::system::assemble::Tangent;
 
 use super::methods::STIFF;
-use super::rotations::Maps;
 use super::{Equations, Instant, Motion, scaled_size};
 use crate::linalg::matrix::Matrix;
+use crate::system::rotations::Maps;
 use crate::tolerances::roots::DIFFERENCE;
 use nalgebra::DVector;
 

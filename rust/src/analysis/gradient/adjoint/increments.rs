@@ -1,7 +1,7 @@
 //! Adjoints of coordinates: by the numbers of q, as the tape reads them, or by increments of the tree coordinates.
-use crate::analysis::transient::rotations::{add_commutator, rotation_triples};
 use crate::analysis::transient::{Equations, Motion};
 use crate::spatial::{V3, exp_so3};
+use crate::system::rotations::{add_commutator, rotation_triples};
 use crate::system::topology::Node;
 
 /// By tree increments: what the numbers of q count along every increment.

@@ -8,10 +8,10 @@
 use nalgebra::DMatrix;
 
 use crate::analysis::transient::dop853_numbers::Row;
-use crate::analysis::transient::rotations::Maps;
 use crate::analysis::transient::{Equations, Instant};
 use crate::error::Result;
 use crate::linalg::kkt::Kkt;
+use crate::system::rotations::Maps;
 
 use super::super::alpha::accelerating;
 use super::super::march::Here;

@@ -14,7 +14,7 @@ use crate::system::placement::{Placement, advance};
 use super::super::Direction;
 use super::super::quantity::{Point, Quantity, evaluate};
 use super::explicit::{Held, Touched, explicit};
-use super::lanes::{Jet, Wide, constants, geometry_over};
+use super::lanes::{Jet, Wide, constants};
 use super::slopes::Slopes;
 
 /// A motion with derivatives along all directions, one column for each; multipliers and accelerations where they are read.
@@ -101,7 +101,7 @@ impl<'a, const N: usize> Lanes<'a, N> {
         let eq = Equations::new(system, x, effects);
         let jets = projected.then(|| {
             let x = eq.x.iter().map(|v| Wide::<f64, N>::over(*v)).collect();
-            Equations::with_geometry(system, x, geometry_over(&eq.geometry), effects)
+            Equations::with_geometry(system, x, eq.geometry.map(Wide::<f64, N>::over), effects)
         });
         Lanes { touched: Touched::of(&eq), eq, jets, first, used: directions.len(), placed: RefCell::default() }
     }

@@ -6,7 +6,6 @@ use std::ops::{Add, AddAssign, Div, DivAssign, Mul, MulAssign, Neg, Rem, RemAssi
 use num_dual::{DualNum, DualStruct, Mappable};
 use realfft::num_traits::{FromPrimitive, Inv, Num, One, Signed, Zero};
 
-use crate::model::geometry::Geometry;
 use crate::spatial::{Pose, Real};
 
 /// A value with its derivatives along N directions.
@@ -56,11 +55,6 @@ pub fn constant_pose<T: Real, const N: usize>(p: &Pose<T>) -> Pose<Wide<T, N>> {
 /// Does anything in a pose change?
 pub fn moves<const N: usize>(p: &Pose<Wide<f64, N>>) -> bool {
     !p.p.iter().chain(p.r.iter()).all(Wide::is_constant)
-}
-
-/// The geometry over numbers that are constant otherwise.
-pub fn geometry_over<U: Real, const N: usize>(g: &Geometry<Wide<f64, N>>) -> Geometry<Wide<U, N>> {
-    g.map(Wide::<f64, N>::over)
 }
 
 impl<T: Real, const N: usize> Add for Wide<T, N> {

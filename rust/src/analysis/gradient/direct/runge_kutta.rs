@@ -3,9 +3,9 @@ use nalgebra::DMatrix;
 
 use crate::analysis::transient::Instant;
 use crate::analysis::transient::dop853_numbers::Row;
-use crate::analysis::transient::rotations::Maps;
 use crate::error::Result;
 use crate::run::Counts;
+use crate::system::rotations::Maps;
 
 use super::super::alpha::accelerating;
 use super::super::runge_kutta::{Stages, closing, end_row, slope_maps, stage_row};

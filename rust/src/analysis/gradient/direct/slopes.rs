@@ -7,8 +7,8 @@
 use nalgebra::DMatrix;
 
 use crate::analysis::transient::ali3p::Linear;
-use crate::analysis::transient::rotations::{Maps, add_turning, rotation_triples};
 use crate::spatial::{V3, exp_so3};
+use crate::system::rotations::{Maps, add_turning, rotation_triples};
 use crate::system::topology::Topology;
 
 /// Increments of the configuration, rates, accelerations, multipliers, memories.

@@ -27,8 +27,8 @@ use crate::tolerances::motion::SAFETY;
 
 use super::driver::{Plan, Progress, Steps, drive};
 use super::interpolate::quintic;
-use super::rotations::rotation_triples;
 use super::{Equations, Instant, LocalError, Motion, Scheme, Step};
+use crate::system::rotations::rotation_triples;
 use crate::tolerances::steps::{SAME_LENGTH, SAME_STEP, START};
 use differences::{Formula, Pair, backward_differences, gamma, stretched};
 use equations::Form;
