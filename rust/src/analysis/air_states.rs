@@ -14,7 +14,7 @@ use crate::model::geometry::Geometry;
 use crate::run::Counts;
 use crate::system::air::Here;
 use crate::system::assemble::Scene;
-use crate::system::connector::Numbers;
+use crate::system::numbers::Numbers;
 use crate::system::placement::{advance, place};
 use crate::system::rotations::add_commutator;
 

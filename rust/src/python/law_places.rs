@@ -5,7 +5,8 @@ use pyo3::prelude::*;
 use pyo3::types::PyList;
 
 use crate::system::System;
-use crate::system::connector::{CoordinateTangent, Numbers, Wanted, coordinate_tangent, motion_of};
+use crate::system::connector::{CoordinateTangent, Wanted, coordinate_tangent, motion_of};
+use crate::system::numbers::Numbers;
 use crate::system::placement::{State, place};
 use crate::system::topology::Connector;
 

@@ -7,7 +7,8 @@ use crate::model::air::{AirGeometry, SectionSpec};
 use crate::model::geometry::Geometry;
 use crate::spatial::{M3, Map6, Real, Six, V3, turned};
 use crate::system::assemble::Scene;
-use crate::system::connector::{Elastic, Interaction, Numbers};
+use crate::system::connector::{Elastic, Interaction};
+use crate::system::numbers::Numbers;
 use crate::system::placement::Placement;
 use crate::system::topology::Topology;
 

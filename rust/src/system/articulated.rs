@@ -9,7 +9,7 @@
 //! R. Featherstone, Rigid Body Dynamics Algorithms, Springer 2008, section 7.3. Coordinates of one joint are those of joints in a row
 //! between which there is no mass, so that no block of a joint is inverted. I = [A B; B^T C] maps twists to wrenches.
 use crate::spatial::{M3, Pose, Six, V3, outer, skew};
-use crate::system::inertia::InertiaInput;
+use crate::system::inertia_input::InertiaInput;
 use crate::tolerances::motion::ARTICULATED;
 
 #[derive(Clone)]

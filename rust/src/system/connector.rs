@@ -11,6 +11,7 @@ use crate::model::geometry::{Geometry, MarkerPair};
 use crate::model::tables::{BodyRef, ElementKind};
 use crate::spatial::{Map6, Pose, Real, Six, V3, absent, product_of_transpose, skew, turned, turned_back};
 use crate::system::connector_force::response;
+use crate::system::numbers::Numbers;
 use crate::system::placement::{Placement, marker_pose};
 use crate::system::topology::{Connector, Natural, Owner, Topology};
 pub use crate::system::wanted::Wanted;
@@ -41,15 +42,6 @@ pub struct Elastic<T: Real> {
 
 /// Differences of places are known to this part of the places, after the rotations along a short path.
 const ROUNDING: f64 = 32.0 * f64::EPSILON;
-
-/// The numbers of the model and what its laws remember.
-#[derive(Debug, Clone, Copy)]
-pub struct Numbers<'a, T: Real> {
-    pub x: &'a [T],
-    pub memory: &'a [T],
-    /// s; linear analyses hold it at zero
-    pub t: f64,
-}
 
 pub(crate) fn pair_of<T: Real>(geometry: &Geometry<T>, owner: Owner) -> &MarkerPair<T> {
     match owner {

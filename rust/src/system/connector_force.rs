@@ -2,8 +2,9 @@
 use num_dual::Dual;
 
 use crate::spatial::Real;
-use crate::system::connector::{Numbers, Wanted};
+use crate::system::numbers::Numbers;
 use crate::system::topology::{BoundFunction, BoundLaw, Connector};
+use crate::system::wanted::Wanted;
 
 /// Forces of a connector's coordinates, and their slopes by displacement and rate.
 pub(crate) struct Response<T: Real> {

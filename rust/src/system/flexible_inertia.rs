@@ -5,7 +5,7 @@
 //! hand-derived derivatives: about the undeformed centre of mass, body axes inside, world axes outside.
 use crate::model::flexible::FlexibleGeometry;
 use crate::spatial::{M3, Map6, Real, Six, V3, skew};
-use crate::system::inertia::InertiaInput;
+use crate::system::inertia_input::InertiaInput;
 use crate::system::topology::Modal;
 
 /// int rho a x b of int rho a b^T.

@@ -6,12 +6,10 @@
 use nalgebra::DMatrix;
 
 use crate::linalg::entries::Entries;
-use crate::model::geometry::Geometry;
 use crate::spatial::{M3, Map6, Real, Six, V3, conjugated, outer, product, skew, turned};
 use crate::system::flexible::node_rates;
 use crate::system::flexible_inertia::{Shapes, shapes};
-use crate::system::placement::Placement;
-use crate::system::topology::Topology;
+use crate::system::inertia_input::InertiaInput;
 
 /// Mass, first moment and inertia of a subtree about a point.
 #[derive(Debug, Clone, Copy)]
@@ -50,16 +48,6 @@ impl<T: Real> Composite<T> {
 struct Accelerations<T: Real> {
     body: Vec<Six<T>>,
     before: Vec<Six<T>>,
-}
-
-/// What the recursion works on.
-pub struct InertiaInput<'a, T: Real> {
-    pub topology: &'a Topology,
-    pub geometry: &'a Geometry<T>,
-    pub placement: &'a Placement<T>,
-    pub rate: Option<&'a [T]>,
-    pub acceleration: Option<&'a [T]>,
-    pub gravity: Option<V3<T>>,
 }
 
 impl<T: Real> InertiaInput<'_, T> {

@@ -5,7 +5,7 @@
 use crate::spatial::{Real, Six};
 use crate::system::assemble::Scene;
 use crate::system::connector::{constraint_interaction, interaction, load_interaction};
-use crate::system::inertia::InertiaInput;
+use crate::system::inertia_input::InertiaInput;
 use crate::system::path::add_wrench;
 
 /// Connectors, rigid bodies (by node, their inertia), loads and cut joints (their multipliers).

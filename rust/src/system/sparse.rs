@@ -21,10 +21,11 @@ use crate::spatial::{Map6, Six, V3};
 use crate::system::System;
 use crate::system::assemble::{Effects, Scene};
 use crate::system::connector::{
-    CoordinateTangent, Interaction, Numbers, Wanted, constraint_interaction, constraint_rows, coordinate_tangent,
-    interaction, load_interaction,
+    CoordinateTangent, Interaction, Wanted, constraint_interaction, constraint_rows, coordinate_tangent, interaction,
+    load_interaction,
 };
 use crate::system::loops::{LoopBlocks, column_scales};
+use crate::system::numbers::Numbers;
 use crate::system::placement::{self, Placement, State, drawn_q, place};
 use crate::system::rank::bounds;
 use crate::system::singular_pose::reduction;

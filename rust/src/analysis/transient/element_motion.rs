@@ -1,8 +1,9 @@
 //! What one element or joint does at an instant of a motion: coordinates, displacements, rates and forces.
 use super::{Equations, Motion};
 use crate::spatial::Six;
-use crate::system::connector::{Numbers, local, pair_of, strains};
+use crate::system::connector::{local, pair_of, strains};
 use crate::system::connector_force::response;
+use crate::system::numbers::Numbers;
 
 /// One coordinate of an element: itself, its displacement from where the spring is relaxed, its rate, and the force along it.
 #[derive(Debug, Clone, Copy)]

@@ -15,8 +15,9 @@ use crate::model::layout::flag::LENGTH_GIVEN;
 use crate::model::layout::{coupler, joint};
 use crate::model::tables::BodyRef;
 use crate::spatial::{Real, Six, absent};
-use crate::system::connector::{Local, Numbers, Wanted, local, pair_of, strains};
+use crate::system::connector::{Local, Wanted, local, pair_of, strains};
 use crate::system::connector_force::response;
+use crate::system::numbers::Numbers;
 use crate::system::placement::Placement;
 use crate::system::topology::{BoundFunction, BoundLaw, Connector, ConstraintRow, Natural, Owner, Purpose};
 
