@@ -25,8 +25,8 @@ use crate::analysis::linearize::{Path, Setting, Turning, turning_jacobian};
 use crate::error::{Error, Result};
 use crate::system::assemble::Tangent;
 use crate::system::loops::{Loops, column_scales};
-use crate::system::rank::singular_values;
 use crate::system::rotations::add_commutator;
+use crate::system::spectrum::singular_values;
 use crate::system::topology::Level;
 use crate::tolerances::rolling::{APART, ROLLS_STEADILY, UNFELT};
 

@@ -23,7 +23,8 @@ use crate::system::assemble::{Effects, Scene};
 use crate::system::decision::Decision;
 use crate::system::loops::column_scales;
 use crate::system::placement::{Placement, State, advance, coordinates_of_poses, drawn_q, marker_pose, place};
-use crate::system::rank::{block_names, spectrum};
+use crate::system::rows::block_names;
+use crate::system::spectrum::spectrum;
 use crate::system::topology::{Node, Purpose};
 use crate::tolerances::constraints::{CLOSED, CLOSED_ROUNDING, DOUBTFUL, FELT};
 
@@ -107,7 +108,7 @@ pub fn close(system: &System, state: &mut State, effects: Effects, counts: &mut 
 
 /// What rounding leaves of each row, free of units.
 fn rounding(system: &System, q: &[f64], effects: Effects, rows: &RowBlocks) -> Vec<f64> {
-    let bounds = crate::system::rank::bounds(system, q, effects, rows);
+    let bounds = crate::system::loop_lengths::bounds(system, q, effects, rows);
     bounds.into_iter().map(|b| CLOSED.max(CLOSED_ROUNDING * b)).collect()
 }
 

@@ -1,7 +1,7 @@
 //! The compiled model: an immutable topology shared by all values of the numbers, and what is computed on it.
 //!
 //! ```text
-//! topology    spanning tree (tree), tree coordinates, cut rows, connectors   (once per structure)
+//! topology    spanning tree (tree), tree coordinates, cut rows, connectors   (once per structure; compile makes it)
 //! placement   poses and motion columns of a state                      (per state)
 //! binding     elements, joints with springs and laws as connectors
 //! air         forces of the air on the sections of blades
@@ -13,7 +13,10 @@
 //! sparse      everything once more in absolute coordinates, for thousands of bodies
 //! constraint  functions of several coordinates as rows
 //! rows        values and Jacobian of all constraint rows
+//! loop_lengths  of the loop that each row closes, and its rounding
+//! spectrum    singular values of rows against their rounding
 //! rank        which of them are redundant, decided once
+//! decision    what was decided
 //! remoteness  rounding of places beside the arms of bodies
 //! islands     bodies that nothing connects
 //! singular_pose  where they depend on each other to first order only
@@ -28,7 +31,7 @@ pub mod closure;
 mod compile;
 pub mod connector;
 pub mod connector_force;
-mod constraint;
+pub mod constraint;
 pub mod decision;
 pub mod flexible;
 pub mod flexible_inertia;
@@ -36,6 +39,7 @@ mod flexible_scene;
 pub mod inertia;
 pub mod inertia_input;
 pub mod islands;
+pub mod loop_lengths;
 pub mod loops;
 pub mod numbers;
 pub mod parts;
@@ -47,6 +51,7 @@ pub mod rotations;
 pub mod rows;
 pub mod singular_pose;
 pub mod sparse;
+pub mod spectrum;
 pub mod topology;
 mod tree;
 pub mod wanted;

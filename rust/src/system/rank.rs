@@ -12,37 +12,26 @@
 //! rank is the largest over the drawn pose and two poses closed beside it.
 use std::sync::Arc;
 
-use faer::prelude::*;
 use nalgebra::{DMatrix, DVector};
 
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::linalg::elimination::{Candidate, eliminate};
 use crate::linalg::matrix::Matrix;
 use crate::linalg::rows::{Block, Level as Asked, RowBlocks, largest_rows, parts};
-use crate::model::geometry::BodyGeometry;
-use crate::model::layout;
-use crate::spatial::{Pose, V3};
 use crate::system::System;
 use crate::system::assemble::Effects;
 use crate::system::closure::{check_redundant, close_drawn, close_with, drawn_start, rows_at, rows_into};
 use crate::system::decision::{Decision, Doubt};
-use crate::system::placement::{advance, place};
+use crate::system::loop_lengths::{bounds, loop_lengths};
+use crate::system::placement::advance;
+use crate::system::rows::block_names;
 use crate::system::rows::row_scales;
-use crate::system::topology::{ConstraintRow, Level, Purpose};
-use crate::tolerances::constraints::{APART, DOUBTFUL, ENTRY_ROUNDING, LOCKED, PROBE};
+use crate::system::spectrum::{Spectrum, of_rows, singular_values, spectrum};
+use crate::system::topology::Level;
+use crate::tolerances::constraints::{APART, DOUBTFUL, LOCKED, PROBE};
 
 /// Blocks with more entries are decided by elimination, not by singular values.
 const DENSE_BLOCK: usize = 40_000;
-
-/// Singular values of a block's rows and what they mean.
-pub(super) struct Spectrum {
-    pub values: Vec<f64>,
-    pub left: DMatrix<f64>,
-    pub right: DMatrix<f64>,
-    /// rounding
-    pub floor: f64,
-    pub rank: usize,
-}
 
 impl System {
     /// Ranks and redundancy with these effects.
@@ -141,87 +130,6 @@ fn find(root: &mut [usize], mut i: usize) -> usize {
     i
 }
 
-/// The drawn points of a joint on its two bodies, world.
-fn joint_points(system: &System, joint: usize) -> [V3<f64>; 2] {
-    let start = system.topology.tables.joints[joint].x;
-    [layout::joint::AT_A, layout::joint::AT_B].map(|at| V3::from_fn(|k, _| system.x[start + at + k]))
-}
-
-/// The length of the loop that each row closes: twice the largest distance of its joints from their mean, and never below the
-/// size of the bodies that it joins.
-fn loop_lengths(system: &System) -> Vec<f64> {
-    let topology = &*system.topology;
-    let tables = &topology.tables;
-    let sizes = body_sizes(system);
-    let mut of_joint: std::collections::HashMap<usize, f64> = std::collections::HashMap::new();
-    let lengths = topology.rows.iter().map(|row| {
-        *of_joint.entry(row.joint).or_insert_with(|| {
-            let joint = &tables.joints[row.joint];
-            let mut points = joint_points(system, row.joint).to_vec();
-            let between = topology.nodes_between(joint.a, joint.b);
-            for n in between {
-                match topology.nodes[n].joint {
-                    Some(j) => points.extend(joint_points(system, j)),
-                    None => points.push(system.geometry.bodies[topology.nodes[n].body].drawn.p),
-                }
-            }
-            let mean = points.iter().sum::<V3<f64>>() / points.len() as f64;
-            let spread = points.iter().map(|p| (p - mean).norm()).fold(0.0, f64::max);
-            let own = [joint.a, joint.b].into_iter().flatten().map(|b| sizes[b]).fold(0.0, f64::max);
-            let length = (2.0 * spread).max(own);
-            if length > 0.0 { length } else { system.length }
-        })
-    });
-    lengths.collect()
-}
-
-/// Distance of the farthest joint from the centre of mass, or the radius of gyration where that is larger.
-fn body_sizes(system: &System) -> Vec<f64> {
-    let tables = &system.topology.tables;
-    let gyration = |b: &BodyGeometry<f64>| match b.mass > 0.0 {
-        true => (0.5 * b.inertia.trace().max(0.0) / b.mass).sqrt(),
-        false => 0.0,
-    };
-    let mut size: Vec<f64> = system.geometry.bodies.iter().map(gyration).collect();
-    for (j, joint) in tables.joints.iter().enumerate() {
-        let [a, b] = joint_points(system, j);
-        for (body, point) in [(joint.a, a), (joint.b, b)] {
-            if let Some(b) = body {
-                size[b] = size[b].max((point - system.geometry.bodies[b].drawn.p).norm());
-            }
-        }
-    }
-    size
-}
-
-/// Rounding of the entries of each row, columns free of units.
-pub(super) fn bounds(system: &System, q: &[f64], effects: Effects, rows: &RowBlocks) -> Vec<f64> {
-    let poses = place(&system.topology, &system.geometry, q, None).pose;
-    bounds_at(system, &poses, effects, rows)
-}
-
-pub(super) fn bounds_at(system: &System, poses: &[Pose<f64>], effects: Effects, rows: &RowBlocks) -> Vec<f64> {
-    let topology = &*system.topology;
-    let far = |b: Option<usize>| topology.node(b).map_or(0.0, |n| poses[n].p.norm());
-    let unit = ENTRY_ROUNDING * f64::EPSILON;
-    let reach = |joint: usize| {
-        let joint = &topology.tables.joints[joint];
-        let along = topology.nodes_between(joint.a, joint.b).into_iter().map(|n| poses[n].p.norm());
-        along.fold(far(joint.a).max(far(joint.b)), f64::max)
-    };
-    let lengths = if topology.tables.constraints.is_empty() { Vec::new() } else { loop_lengths(system) };
-    let bound = |(i, row): (usize, &ConstraintRow)| match row.purpose {
-        _ if !effects.row(row) => 0.0,
-        Purpose::Constraint(c) => {
-            let lengthy = topology.tables.motions_of(c).filter(|(_, x)| x.is_length());
-            unit * (1.0 + 2.0 * lengthy.map(|(j, _)| reach(j) / lengths[i]).fold(0.0, f64::max))
-        }
-        _ if row.coordinate.is_length() => unit * (1.0 + 2.0 * reach(row.joint) * rows.row_scale[i]),
-        _ => unit,
-    };
-    topology.rows.iter().enumerate().map(bound).collect()
-}
-
 /// The ranks of one block, what was decided only just, and the rows that carry a large one.
 struct Ranks {
     position_rank: usize,
@@ -252,10 +160,6 @@ fn position_rank(m: &DMatrix<f64>, block: &Block, all: &Spectrum, bounds: &[f64]
     }
     let own = m.rows(0, block.n_position).into_owned();
     Ok(spectrum(&own, &of_rows(block.rows_at(Asked::Position).0, bounds), tolerance)?.rank)
-}
-
-pub(super) fn of_rows(rows: &[usize], bounds: &[f64]) -> Vec<f64> {
-    rows.iter().map(|i| bounds[*i]).collect()
 }
 
 /// Singular values below a limit are far below all others: constraints that an inaccurate drawing makes, not a slender mechanism.
@@ -304,53 +208,11 @@ fn eliminated(j: &Matrix, rows: &RowBlocks, block: &Block, bounds: &[f64], toler
     Ok(Ranks { position_rank, rank: fixed.len(), doubtful, tolerance: limit, fixed: Some(fixed) })
 }
 
-/// Singular values of some rows of a block, free of units, against the rounding of each and the tolerance of the drawing.
-pub(super) fn spectrum(m: &DMatrix<f64>, bounds: &[f64], tolerance: f64) -> Result<Spectrum> {
-    let (values, left, right) = singular_values(m)?;
-    let first = values.first().copied().unwrap_or(0.0);
-    let size = m.nrows().max(m.ncols()) as f64;
-    // rounding of an entry, where the row has one
-    let noise: f64 = (bounds.iter().enumerate())
-        .map(|(r, bound)| bound.powi(2) * m.row(r).iter().filter(|v| **v != 0.0).count() as f64)
-        .sum();
-    let floor = noise.sqrt() + f64::EPSILON * size * first;
-    let rank = values.iter().filter(|s| **s > tolerance.max(floor)).count();
-    Ok(Spectrum { values, left, right, floor, rank })
-}
-
-/// Singular values, descending, with both sides complete.
-pub fn singular_values(m: &DMatrix<f64>) -> Result<(Vec<f64>, DMatrix<f64>, DMatrix<f64>)> {
-    let (rows, columns) = m.shape();
-    if rows == 0 || columns == 0 {
-        return Ok((Vec::new(), DMatrix::identity(rows, rows), DMatrix::identity(columns, columns)));
-    }
-    let svd = MatRef::from_column_major_slice(m.as_slice(), rows, columns)
-        .svd()
-        .map_err(|_| Error::singular("the singular values of the constraint rows could not be found"))?;
-    let values = (0..rows.min(columns)).map(|k| svd.S().column_vector()[k]).collect();
-    let left = DMatrix::from_fn(rows, rows, |i, j| svd.U()[(i, j)]);
-    let right = DMatrix::from_fn(columns, columns, |i, j| svd.V()[(i, j)]);
-    Ok((values, left, right))
-}
-
 /// What a drawing decides only just, with the names of the joints in the loops.
 fn doubts_of(system: &System, block: &Block, found: &Ranks) -> Vec<Doubt> {
     let joints = if found.doubtful.is_empty() { Vec::new() } else { block_names(system, block) };
     let doubt = |s: &f64| Doubt { joints: joints.clone(), singular_value: *s, redundant: *s <= found.tolerance };
     found.doubtful.iter().map(doubt).collect()
-}
-
-/// The joints, drives, couplers and constraints of a block, in the order of the model.
-pub fn block_names(system: &System, block: &Block) -> Vec<String> {
-    let topology = &*system.topology;
-    let tables = &topology.tables;
-    let mut joints: Vec<usize> = block.rows.iter().map(|i| topology.rows[*i].joint).collect();
-    joints.extend(block.columns.iter().filter_map(|c| topology.nodes[topology.dofs[*c].node].joint));
-    joints.sort_unstable();
-    joints.dedup();
-    let imposed = block.rows.iter().filter(|i| topology.rows[**i].purpose != Purpose::Joint);
-    let imposed = imposed.map(|i| topology.row_name(*i).to_owned());
-    joints.into_iter().map(|j| tables.joints[j].name.clone()).chain(imposed).collect()
 }
 
 /// Ranks at two poses beside a closed one, each a small way along a direction that the rows leave free; the blocks whose rank is

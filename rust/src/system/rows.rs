@@ -12,6 +12,7 @@ use nalgebra::{DMatrix, DVector};
 use crate::joint::Coordinate;
 use crate::kinematics::relative::whole_turns;
 use crate::linalg::entries::{Entries, Nowhere};
+use crate::linalg::rows::Block;
 use crate::model::constraint::RowSlopes;
 use crate::model::geometry::Geometry;
 use crate::model::layout::flag::LENGTH_GIVEN;
@@ -20,7 +21,6 @@ use crate::spatial::{Real, Six};
 use crate::system::System;
 use crate::system::assemble::{Effects, Scene};
 use crate::system::connector::{constraint_bias, constraint_rates, constraint_rows};
-pub use crate::system::constraint::has_explicit_rates;
 use crate::system::flexible::FoldedRows;
 use crate::system::path::path;
 use crate::system::topology::{ConstraintRow, Level, Purpose, Topology};
@@ -280,4 +280,17 @@ impl<T: Real> Scene<'_, T> {
     pub fn cut_multipliers(&self, lam: &[T]) -> Vec<(usize, Vec<(Coordinate, T)>)> {
         self.carried(lam).into_iter().map(|c| (c.joint, c.rows)).collect()
     }
+}
+
+/// The joints, drives, couplers and constraints of a block, in the order of the model.
+pub fn block_names(system: &System, block: &Block) -> Vec<String> {
+    let topology = &*system.topology;
+    let tables = &topology.tables;
+    let mut joints: Vec<usize> = block.rows.iter().map(|i| topology.rows[*i].joint).collect();
+    joints.extend(block.columns.iter().filter_map(|c| topology.nodes[topology.dofs[*c].node].joint));
+    joints.sort_unstable();
+    joints.dedup();
+    let imposed = block.rows.iter().filter(|i| topology.rows[**i].purpose != Purpose::Joint);
+    let imposed = imposed.map(|i| topology.row_name(*i).to_owned());
+    joints.into_iter().map(|j| tables.joints[j].name.clone()).chain(imposed).collect()
 }

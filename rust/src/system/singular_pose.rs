@@ -17,8 +17,10 @@ use crate::system::System;
 use crate::system::assemble::Scene;
 use crate::system::closure::shown;
 use crate::system::decision::Decision;
+use crate::system::loop_lengths::bounds_at;
 use crate::system::loops::{LoopBlock, LoopBlocks, column_scales};
-use crate::system::rank::{block_names, bounds_at, of_rows, spectrum};
+use crate::system::rows::block_names;
+use crate::system::spectrum::{of_rows, spectrum};
 use crate::tolerances::constraints::SINGULAR_POSE;
 
 /// Dependent coordinates of rows at a pose, or the error of a pose that is singular; None where no row acts.

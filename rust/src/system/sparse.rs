@@ -24,10 +24,10 @@ use crate::system::connector::{
     CoordinateTangent, Interaction, Wanted, constraint_interaction, constraint_rows, coordinate_tangent, interaction,
     load_interaction,
 };
+use crate::system::loop_lengths::bounds;
 use crate::system::loops::{LoopBlocks, column_scales};
 use crate::system::numbers::Numbers;
 use crate::system::placement::{self, Placement, State, drawn_q, place};
-use crate::system::rank::bounds;
 use crate::system::singular_pose::reduction;
 use crate::system::topology::Owner;
 use crate::tolerances::constraints::CLOSED_ROUNDING;

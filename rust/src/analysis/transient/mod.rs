@@ -60,10 +60,11 @@ use crate::system::System;
 use crate::system::air::Here;
 use crate::system::assemble::{Effects, Scene, Tangent};
 use crate::system::connector::motion_of;
+use crate::system::constraint::has_explicit_rates;
 use crate::system::loops::column_scales;
 use crate::system::numbers::Numbers;
 use crate::system::placement::{Placement, advance, difference, place};
-use crate::system::rows::{driven_rates, has_explicit_rates};
+use crate::system::rows::driven_rates;
 use crate::system::topology::Topology;
 
 /// Where the model is, how it moves, and what its laws remember.
