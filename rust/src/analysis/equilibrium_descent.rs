@@ -18,7 +18,7 @@ use crate::system::assemble::Effects;
 use crate::system::connector::{Wanted, load_interaction};
 use crate::system::placement::State;
 
-use super::equilibrium::{LONGEST_STEP, Local, Spectrum, moved};
+use super::equilibrium_local::{LONGEST_STEP, Local, Spectrum, moved};
 use crate::tolerances::equilibrium::{ENERGY_ROUNDING, SHORTEST_DESCENT};
 
 /// Least part of the promised fall of the energy.

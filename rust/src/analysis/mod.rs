@@ -7,6 +7,7 @@ pub mod eigen_sensitivity;
 pub mod equilibrium;
 mod equilibrium_descent;
 pub mod equilibrium_follow;
+mod equilibrium_local;
 pub mod frf;
 pub mod frf_resonances;
 mod frf_routes;
