@@ -21,6 +21,8 @@ __all__ = ["frf", "modes", "response"]
 
 _MOST_NAMED = 10
 _MOST_TICKS = 40
+# Real parts below this share of the largest root are the rounding of zero: no axis is scaled to them.
+_UNDAMPED = 1e-14
 
 
 def modes(
@@ -77,6 +79,9 @@ def modes(
         left.axvline(0.0, color="#9aa7b5", lw=0.8)
         left.set(xlabel="Re s [rad/s]", ylabel="Im s / 2 pi [Hz]", title="eigenvalues")
         left.margins(0.12)
+        if np.all(np.abs(s.real) <= _UNDAMPED * np.abs(s).max()):  # no scale of its own for the rounding of zero
+            left.set_xlim(-1.0, 1.0)
+            left.set_xticks([0.0])
         left.locator_params(axis="x", nbins=5)
         legend(left)
         if ax is None:
