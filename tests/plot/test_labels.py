@@ -96,3 +96,23 @@ def test_one_thing_is_not_many():
     assert counted(2, "spring or damper") == "2 springs or dampers"
     m = carriage()
     assert repr(m) == "Model('carriage': 2 bodies, 2 joints, 0 springs or dampers, 0 loads, 0 parameters)"
+
+
+def test_a_single_transfer_function_is_named_in_the_title():
+    m = mb.examples.four_bar()
+    one = mb.frf(m, "coupler.force.x", "coupler.motion.x", frequency=[2.0, 3.0], at=mb.equilibrium(m))
+    axes = one.plot().axes[0]
+    assert axes.get_title(loc="left") == "receptance coupler.motion.x / coupler.force.x" and axes.get_legend() is None
+    figure, given = plt.subplots()
+    one.plot(ax=given, label="soft")
+    one.plot(ax=given, label="stiff")
+    assert [text.get_text() for text in given.get_legend().get_texts()] == ["soft", "stiff"]
+
+
+def test_bars_of_rounding_are_zero():
+    m = mb.Model("two")
+    for name, k in (("a", 31.0), ("b", 57.0)):
+        body = m.body(name, mass=1.3, inertia=(0.1, 0.2, 0.3), orientation=TILT)
+        m.prismatic(f"{name} rail", m.ground, body, at=(0, 0, 0), axis=(0.31, -0.83, 0.46), k=k)
+    bars = mb.plot.tornado(mb.sensitivity(mb.modes(m), ["a rail.k", "b rail.k"]), mode=0)
+    assert bars.axes[0].texts[1].get_text() == "0"

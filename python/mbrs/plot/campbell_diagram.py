@@ -118,6 +118,7 @@ def _of_whirl(frequency: np.ndarray, whirl: np.ndarray, value: int) -> np.ndarra
 
 
 def _critical(axes: Any, critical: Sequence[Any]) -> None:
+    # what unbalance excites lies on top
     for fill, name in ((True, "critical, unbalance excites"), (False, "critical, unbalance does not")):
         rows = [c for c in critical if bool(c.excited) == fill]
         if rows:
@@ -130,7 +131,7 @@ def _critical(axes: Any, critical: Sequence[Any]) -> None:
                 mfc=face,
                 ms=6,
                 label=name,
-                zorder=5,
+                zorder=6 if fill else 5,
             )
 
 

@@ -177,14 +177,20 @@ def frf(
         raise ModelError(f"kind={kind!r} is not known; use 'bode' or 'nyquist'")
     ranked, rounding = ranked_curves(result)
     named, rest = ranked[:_MOST_NAMED], ranked[_MOST_NAMED:]
+    alone = len(ranked) == 1 and not rounding and ax is None and label is None
     with style():
+        if alone:
+            named = [Curve("_", ranked[0].value)]
         if label is not None:
             named = [Curve(label if len(named) == 1 else f"{label}: {c.label}", c.value) for c in named]
         made, top = _bode(result, named, rest, marks, ax) if kind == "bode" else _nyquist(result, named, rest, ax)
         notes = [f"{len(rest)} smaller curves in grey"] * bool(rest) + [f"left out as zero: {rounding}"] * bool(
             rounding
         )
-        top.set_title(str(getattr(result, "kind", "")) + (f" ({', '.join(notes)})" if notes else ""))
+        kind_ = str(getattr(result, "kind", ""))
+        if alone:  # its name is the title
+            kind_, notes = f"{kind_} {ranked[0].label}".strip(), []
+        top.set_title(kind_ + (f" ({', '.join(notes)})" if notes else ""))
     return made
 
 
