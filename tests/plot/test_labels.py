@@ -103,7 +103,7 @@ def test_a_single_transfer_function_is_named_in_the_title():
     one = mb.frf(m, "coupler.force.x", "coupler.motion.x", frequency=[2.0, 3.0], at=mb.equilibrium(m))
     axes = one.plot().axes[0]
     assert axes.get_title(loc="left") == "receptance coupler.motion.x / coupler.force.x" and axes.get_legend() is None
-    figure, given = plt.subplots()
+    _, given = plt.subplots()
     one.plot(ax=given, label="soft")
     one.plot(ax=given, label="stiff")
     assert [text.get_text() for text in given.get_legend().get_texts()] == ["soft", "stiff"]
