@@ -116,3 +116,16 @@ def test_bars_of_rounding_are_zero():
         m.prismatic(f"{name} rail", m.ground, body, at=(0, 0, 0), axis=(0.31, -0.83, 0.46), k=k)
     bars = mb.plot.tornado(mb.sensitivity(mb.modes(m), ["a rail.k", "b rail.k"]), mode=0)
     assert bars.axes[0].texts[1].get_text() == "0"
+
+
+@pytest.mark.parametrize("name", ["quarter_car", "slider_crank", "four_bar", "rotor"])
+def test_names_in_the_picture_of_a_model_lie_beside_each_other(name):
+    figure = getattr(mb.examples, name)().plot()
+    figure.canvas.draw()
+    boxes = [text.get_window_extent() for text in figure.axes[0].texts]
+    assert len(boxes) > 2
+    for i, one in enumerate(boxes):
+        for other in boxes[:i]:
+            width = min(one.x1, other.x1) - max(one.x0, other.x0)
+            height = min(one.y1, other.y1) - max(one.y0, other.y0)
+            assert width <= 0 or height < 0.15 * one.height
