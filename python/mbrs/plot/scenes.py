@@ -233,7 +233,7 @@ def _names(axes: Any, eye: _Eye, drawn: SceneGeometry, gap: float) -> None:
 
 
 def _height_of_text(axes: Any) -> float:
-    """Of a line of names, in units of the axes."""
+    """Height of a line of names, in units of the axes."""
     axes.autoscale_view()
     axes.apply_aspect()
     low, high = axes.transData.inverted().transform([(0.0, 0.0), (0.0, 1.3 * _NAME / 72.0 * axes.figure.dpi)])
