@@ -16,7 +16,7 @@ def told(rows: Iterable[tuple[str, str, str, str]]) -> None:
         print(item)
         for name, part in zip(("the text says", "ours", "not comparable"), parts, strict=True):
             if part:
-                print(textwrap.fill(part, 98, initial_indent=f"  {name:16}", subsequent_indent=" " * 18))
+                print(textwrap.fill(part, 96, initial_indent=f"  {name:16}", subsequent_indent=" " * 18))
 
 
 def folder() -> Path:
