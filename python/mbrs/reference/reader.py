@@ -231,7 +231,7 @@ def read_imposed(t: Mapping[str, Any], x: Array, joints: list[Link]) -> list[Lin
 
 
 def refuse_others(t: Mapping[str, Any]) -> None:
-    """What a model may have and the equations here do not."""
+    """Raise for parts of a model that the equations here do not have."""
     for key, what in (("air_name", "aerodynamics"), ("constraint_name", "constraints that are functions")):
         for name in t.get(key, ()):
             raise ModelError(f"the reference has no {what}, but the model has {name!r}; compare a model without it")
