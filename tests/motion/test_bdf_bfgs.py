@@ -327,6 +327,17 @@ def test_undamped_fast_modes_are_named():
     run(mounted(0.0), 0.2, 2e-4)
 
 
+def test_steps_that_follow_a_tolerance_hold_undamped_fast_modes_by_themselves():
+    """No warning, and no growth: against the explicit scheme at 1e-11, over forty periods of the fast mode."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", mb.errors.MbrsWarning)
+        traj = mb.simulate(mounted(0.0, velocity=0.3), t=1.3, method="bdf-bfgs", rtol=1e-6)
+    tight = mb.simulate(mounted(0.0, velocity=0.3), t=[1.3], rtol=1e-11, method="explicit")
+    error = np.abs(traj.position("bell")[-1] - tight.position("bell")[-1]).max()
+    print(f"error {error:.1e} m, {len(traj.steps) - 1} steps")
+    assert error < 1e-4
+
+
 # --- bad input -----
 
 

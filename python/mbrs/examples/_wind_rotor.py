@@ -77,7 +77,7 @@ def wind_rotor(
     --------
     >>> import mbrs as mb
     >>> mb.examples.wind_rotor(modes=2)
-    Model('wind rotor': 6 bodies, 6 joints, 0 elements, 0 loads, 0 parameters)
+    Model('wind rotor': 6 bodies, 6 joints, 0 springs or dampers, 0 loads, 0 parameters)
     """
     m = Model("wind rotor", gravity=None if gravity is None else (0.0, 0.0, -gravity))
     shaft, bearing, centre, frame = add_nacelle(m, speed, scale)

@@ -11,7 +11,7 @@ import numpy as np
 
 from .._lib.border import core_errors
 from .._lib.rotations import skew
-from .._lib.text import number
+from .._lib.text import counted, number
 from ..errors import ConvergenceError, ModelError, SingularError
 from ..model.names import not_found
 from ..results import Result, Stats, derived, result
@@ -120,7 +120,7 @@ class SteadyMotion(StateResult, Result):
         return np.asarray(self.poses["velocity"])
 
     def heading(self) -> str:
-        return f"steady motion of {self.model.name!r}: {self.status}, {self.iterations} iterations"
+        return f"steady motion of {self.model.name!r}: {self.status}, {counted(self.iterations, 'iteration')}"
 
     def rows(self) -> tuple[list[str], list[list[Any]]]:
         """Columns and rows of the table: speed and torque of each driven coordinate."""

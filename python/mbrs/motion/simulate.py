@@ -298,7 +298,7 @@ def simulate(
     if traj.status == "interrupted":
         raise Interrupted(f"the motion of {m.name!r} was interrupted at t = {made['end']:.6g} s", traj)
     _report_start(m, made)
-    if method == "bdf-bfgs" or (method == "bdf" and step is not None):
+    if method in ("bdf", "bdf-bfgs") and step is not None:  # steps that follow a tolerance see what grows
         warn_amplified(m, at, traj.steps)
     if options.get("rtol", np.inf) > asked:
         warnings.warn(

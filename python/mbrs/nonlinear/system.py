@@ -88,7 +88,7 @@ def nonlinear_system(m: Model, *, at: StateLike = None, without: Sequence[str] =
     ([[4.0]], (Cubic(3, w=[1.]),))
     """
     started = time.perf_counter()
-    without = check_without(checks.names("without", without))
+    without = check_without(checks.one_or_names("without", without))
     snapshot = Snapshot.of(m, without)
     state = state_of(m, snapshot.system, at)
     r = matrices_at(snapshot, state, [*without, "law-slopes"])
@@ -151,7 +151,7 @@ def as_system(
             raise ModelError("inputs= are ports of a model; a MechanicalSystem takes force=(n,)")
         force = inputs
     if not isinstance(system, Book):
-        if at is not None or checks.names("without", without):
+        if at is not None or checks.one_or_names("without", without):
             raise ModelError("at= and without= are for models; a MechanicalSystem is what its matrices are")
         return system, force if amplitude is None else _scaled(force, amplitude)
     made = nonlinear_system(cast("Model", system), at=at, without=without)
