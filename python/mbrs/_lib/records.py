@@ -80,6 +80,8 @@ HOMES: Mapping[str, str] = {
     "MechanicalSystem": "linear.matrices",
     "NonlinearSystem": "nonlinear.system",
     "State": "system.state",
+    "Orbit": "system.state",
+    "Periodic": "linear.floquet",
     "Port": "model.ports",
     "Directions": "model.tables",
 }

@@ -204,7 +204,7 @@ def _dense(
         names = tuple(system.coordinates)
         text = re.sub(r"\{coordinate (\d+)\}", lambda hit: f"coordinate {names[int(hit[1])]!r}", str(problem))
         raise SingularError(text) from None
-    r["error"] = r["error"] + _rounding_of_places(system, r)
+    r["error"] = r["error"] + _rounding_of_places(system, r) + _dropped_by_means(system, r)
     if shift is not None and n is not None:
         r = _nearest(r, n, shift)
     return modal_result(system, r, n, effects, start)
@@ -216,6 +216,12 @@ def _rounding_of_places(system: Any, r: dict[str, Any]) -> np.ndarray:
         return np.zeros(len(r["error"]))
     place = np.finfo(float).eps * system.snapshot.system.remoteness(system.state.q)
     return np.where(np.isnan(r["condition"]), 0.0, place * r["condition"])
+
+
+def _dropped_by_means(system: Any, r: dict[str, Any]) -> np.ndarray | float:
+    """Relative change of each root by the parts that matrices averaged over a turn leave out."""
+    turn = system.over_turn if isinstance(system, Linearization) else None
+    return 0.0 if turn is None else turn.left_out(np.asarray(r["eigenvalue"]))
 
 
 def _with_its_masses(

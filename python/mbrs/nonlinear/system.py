@@ -91,6 +91,11 @@ def nonlinear_system(m: Model, *, at: StateLike = None, without: Sequence[str] =
     without = check_without(checks.one_or_names("without", without))
     snapshot = Snapshot.of(m, without)
     state = state_of(m, snapshot.system, at)
+    if state.orbit is not None:
+        raise ModelError(
+            f"at= is a motion of {m.name!r} whose linearisation is averaged over the turn, which nonlinear elements do not allow; follow "
+            "the motion in time (mb.simulate)"
+        )
     r = matrices_at(snapshot, state, [*without, "law-slopes"])
     lin = linearization_at(snapshot, state, r, without, started, warn=at is None)
     if any(air.unsteady() for air in m.airs) and "aerodynamics" not in without:
