@@ -327,7 +327,7 @@ class Branch(Iterator[BranchPoint]):
 
     def _more_samples(self) -> int | None:
         """Four times the samples where their number is free and matters."""
-        smooth = all(law.kind.polynomial for law in self.system.elements)
+        smooth = all(balance.without_samples(law) for law in self.system.elements)
         more = 4 * self.setup.n_samples
         return None if smooth or self.fourier.n_samples is not None or more > balance.MOST_SAMPLES else more
 
