@@ -248,7 +248,7 @@ def prepare_family(
 
 
 def without_samples(law: Law) -> bool:
-    """Whether no error of a law's force is due to samples: polynomials do not alias, and sharp contacts are integrated exactly."""
+    """True where samples cause no error of a law's force: polynomials do not alias, and sharp contacts are integrated exactly."""
     return law.kind.polynomial or (law.kind.name == "Gap" and law.numbers()[2] == 0.0)
 
 
