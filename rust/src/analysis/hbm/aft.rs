@@ -3,6 +3,7 @@
 //! With c_k the Fourier coefficients of g = df/du at the samples, the Jacobian of the force coefficients is
 //! dFc_j/da_h = Re(c_{j-h} + c_{j+h}), dFc_j/db_h = Im(c_{j-h} - c_{j+h}), dFs_j/da_h = -Im(c_{j-h} + c_{j+h}),
 //! dFs_j/db_h = Re(c_{j-h} - c_{j+h}), the row j = 0 halved: exact on the grid, aliasing included.
+//! Sharp contacts of periodic motions are not sampled but integrated exactly (`ramps`).
 //! Laws with sliders are marched over two periods, the derivative of each sample carried along; the second period counts. States
 //! with a rate are those of a periodic motion (`periodic_state`).
 //! Source: docs/theory.md (11.4), (11.5); T. M. Cameron, J. H. Griffin, J. Appl. Mech. 56 (1989) 149-154.
@@ -14,6 +15,7 @@ use num_dual::Dual64;
 use super::basis::{Basis, Slots};
 use super::grid::{Grid, Slot};
 use super::periodic_state::{Change, PeriodicState, Samples};
+use super::ramps::{Contact, Ramp};
 use crate::error::Result;
 use crate::force::AnyLaw;
 
@@ -36,6 +38,11 @@ pub struct Aft {
     memory: Option<March>,
     /// of the first term
     first: f64,
+    /// the terms of a periodic motion, and the coefficients of the last one as the samples see it; no terms on a torus
+    terms: Vec<i32>,
+    motion: Vec<f64>,
+    /// of a contact, n_c x n_c by rows
+    product: Vec<f64>,
     /// Force coefficients, (n_c).
     pub force: Vec<f64>,
     /// Derivative of `force` along the parameter that moves the frequencies, (n_c).
@@ -87,6 +94,8 @@ pub enum Want {
     Jacobian,
     /// df/du and df/dv at the samples, no coefficients
     Tangents,
+    /// their means over the intervals around the samples
+    Means,
 }
 
 impl Aft {
@@ -115,6 +124,9 @@ impl Aft {
             rate: vec![0.0; n_c],
             memory,
             first: basis.indices.first().map_or(1.0, |k| f64::from(k[0])),
+            terms: if dims.len() == 1 { basis.indices.iter().map(|k| k[0]).collect() } else { Vec::new() },
+            motion: vec![0.0; n_c],
+            product: Vec::new(),
             force: vec![0.0; n_c],
             force_slope: vec![0.0; n_c],
             jacobian: vec![0.0; n_c * n_c],
@@ -148,6 +160,7 @@ impl Aft {
             &turned
         };
         synthesise(&mut self.grid, &self.slots, &mut self.spectrum, u, &mut self.u);
+        self.motion.copy_from_slice(u);
         if force.uses_velocity() {
             derivative(u, frequency, &mut self.rate);
             synthesise(&mut self.grid, &self.slots, &mut self.spectrum, &self.rate, &mut self.v);
@@ -162,8 +175,11 @@ impl Aft {
             Force::Known(law, p) if law.has_rates() => self.follow(*law, p, frequency, slope, want)?,
             Force::Known(law, p) if law.has_map() => self.march(*law, p, want)?,
             Force::Known(law, p) => {
+                let ramps = if self.terms.is_empty() { Vec::new() } else { Ramp::of(*law, p) };
                 self.sample(*law, p, want);
+                self.leave_out(&ramps, want);
                 self.gather(law.uses_velocity(), frequency, want);
+                self.add_contacts(&ramps, want);
             }
             Force::Sampled(law) => {
                 law.evaluate(&self.u, &self.v, &mut self.f, &mut self.f_u, &mut self.f_v)?;
@@ -202,9 +218,54 @@ impl Aft {
         }
     }
 
+    /// The samples of a law without its ramps.
+    fn leave_out(&mut self, ramps: &[Ramp], want: Want) {
+        if ramps.is_empty() || matches!(want, Want::Tangents | Want::Means) {
+            return;
+        }
+        for ((u, f), f_u) in self.u.iter().zip(&mut self.f).zip(&mut self.f_u) {
+            for (force, slope) in ramps.iter().map(|r| r.force(*u)) {
+                *f -= force;
+                *f_u -= slope;
+            }
+        }
+    }
+
+    /// What the ramps add to the coefficients and their Jacobian, or to the means of the slope.
+    fn add_contacts(&mut self, ramps: &[Ramp], want: Want) {
+        if want == Want::Tangents || !self.u.iter().all(|u| u.is_finite()) {
+            return;
+        }
+        let (n_c, terms) = (self.n_c, &self.terms);
+        for ramp in ramps {
+            let contact = Contact::new(ramp, terms, &self.motion, &self.u);
+            if want == Want::Means {
+                contact.add_means(ramp.slope, &mut self.f_u);
+                continue;
+            }
+            let top = terms.iter().map(|k| 2 * k.unsigned_abs() as usize).max().unwrap_or(0);
+            let chi = contact.spectrum(top);
+            let coefficient = |l: i32| {
+                let c = chi[l.unsigned_abs() as usize];
+                if l < 0 { c.conj() } else { c }
+            };
+            let term = |j: usize| if j == 0 { 0 } else { terms[j - 1] };
+            let pair = |j: usize, h: usize| (coefficient(term(j) - term(h)), coefficient(term(j) + term(h)));
+            self.product.resize(n_c * n_c, 0.0);
+            product_matrix(pair, n_c, &mut self.product);
+            for (row, product) in self.product.chunks_exact(n_c).enumerate() {
+                let sum: f64 = product.iter().zip(&self.motion).map(|(p, u)| p * u).sum();
+                self.force[row] += ramp.slope * (sum - product[0] * ramp.at);
+            }
+            if want == Want::Jacobian {
+                self.jacobian.iter_mut().zip(&self.product).for_each(|(j, p)| *j += ramp.slope * p);
+            }
+        }
+    }
+
     /// Coefficients of the samples, and the Jacobian from the tangents if wanted.
     fn gather(&mut self, moving: bool, frequency: &[f64], want: Want) {
-        if want == Want::Tangents {
+        if matches!(want, Want::Tangents | Want::Means) {
             if !moving {
                 self.f_v.fill(0.0);
             }
@@ -215,7 +276,7 @@ impl Aft {
             return;
         }
         self.grid.analyse(&self.f_u, &mut self.spectrum);
-        product_matrix(&self.slots, &self.spectrum, self.n_c, &mut self.jacobian);
+        product_matrix(sampled(&self.slots, &self.spectrum), self.n_c, &mut self.jacobian);
         self.force_slope.fill(0.0);
         if moving {
             self.add_rate_terms(frequency);
@@ -228,7 +289,7 @@ impl Aft {
     fn add_rate_terms(&mut self, frequency: &[f64]) {
         let n_c = self.n_c;
         self.grid.analyse(&self.f_v, &mut self.spectrum);
-        product_matrix(&self.slots, &self.spectrum, n_c, &mut self.damping);
+        product_matrix(sampled(&self.slots, &self.spectrum), n_c, &mut self.damping);
         for row in 0..n_c {
             let (jacobian, damping) = (&mut self.jacobian[row * n_c..][..n_c], &self.damping[row * n_c..][..n_c]);
             for (h, w) in frequency.iter().enumerate() {
@@ -460,13 +521,18 @@ pub fn derivative(u: &[f64], w: &[f64], rate: &mut [f64]) {
     }
 }
 
-/// Matrix of the product with a function whose spectrum is given, in the real coefficients.
-fn product_matrix(slots: &Slots, spectrum: &[c64], n_c: usize, out: &mut [f64]) {
+/// The coefficients k_j - k_h and k_j + k_h of a function that was sampled.
+fn sampled<'a>(slots: &'a Slots, spectrum: &'a [c64]) -> impl Fn(usize, usize) -> (c64, c64) + 'a {
     let n = slots.own.len() + 1;
+    move |j, h| (at(spectrum, slots.minus[j * n + h]), at(spectrum, slots.plus[j * n + h]))
+}
+
+/// Matrix of the product with a function, in the real coefficients: `pair` has its coefficients k_j - k_h and k_j + k_h.
+fn product_matrix(pair: impl Fn(usize, usize) -> (c64, c64), n_c: usize, out: &mut [f64]) {
+    let n = n_c.div_ceil(2);
     for j in 0..n {
         for h in 0..n {
-            let minus = at(spectrum, slots.minus[j * n + h]);
-            let plus = at(spectrum, slots.plus[j * n + h]);
+            let (minus, plus) = pair(j, h);
             let (sum, difference) = (minus + plus, minus - plus);
             let scale = if j == 0 { 0.5 } else { 1.0 };
             let cos_row = (2 * j).saturating_sub(1) * n_c;
@@ -487,71 +553,4 @@ fn product_matrix(slots: &Slots, spectrum: &[c64], n_c: usize, out: &mut [f64]) 
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn check(code: i64, p: &[f64], basis: &Basis, dims: &[usize], omega: &[f64], tolerance: f64) {
-        let law = AnyLaw::from_code(code, p.len()).unwrap();
-        let n_c = basis.n_coefficients();
-        let u: Vec<f64> = (0..n_c).map(|i| ((3 * i + 1) as f64).sin() / (1.0 + 0.3 * i as f64)).collect();
-        let slope = basis.slope(0);
-        let mut aft = Aft::new(basis, dims, true);
-        let known = Force::Known(law, p.to_vec());
-        aft.element(&known, &u, &basis.frequencies(omega), &slope, Want::Jacobian).unwrap();
-        let (jacobian, force_slope) = (aft.jacobian.clone(), aft.force_slope.clone());
-        let h = 1e-6;
-        let mut force = |u: &[f64], omega: &[f64]| {
-            aft.element(&known, u, &basis.frequencies(omega), &slope, Want::Force).unwrap();
-            aft.force.clone()
-        };
-        for c in 0..=n_c {
-            let (mut high, mut low) = (u.clone(), u.clone());
-            let (mut fast, mut slow) = (omega.to_vec(), omega.to_vec());
-            if c < n_c {
-                high[c] += h;
-                low[c] -= h;
-            } else {
-                fast[0] += h;
-                slow[0] -= h;
-            }
-            let (high, low) = (force(&high, &fast), force(&low, &slow));
-            for row in 0..n_c {
-                let difference = (high[row] - low[row]) / (2.0 * h);
-                let exact = if c < n_c { jacobian[row * n_c + c] } else { force_slope[row] };
-                assert!((difference - exact).abs() < tolerance, "{law:?} row {row} column {c}: {difference} {exact}");
-            }
-        }
-    }
-
-    #[test]
-    fn jacobian_of_periodic_motion() {
-        let basis = Basis::periodic(&[1, 2, 3], 1);
-        check(0, &[0.7], &basis, &[13], &[1.3], 1e-8);
-        check(0, &[0.7], &basis, &[8], &[1.3], 1e-8); // aliased: still the derivative of what is computed
-        check(8, &[0.7], &basis, &[16], &[1.3], 1e-8);
-        check(5, &[0.7, 0.5], &basis, &[64], &[1.3], 1e-7);
-        check(3, &[3.0, 0.1, 0.0], &basis, &[64], &[1.3], 1e-5);
-        check(11, &[3.0, 2.0, 0.3], &basis, &[16], &[1.3], 1e-8);
-        check(8, &[0.7], &Basis::periodic(&[1, 3, 4], 3), &[32], &[1.3], 1e-8);
-    }
-
-    #[test]
-    fn jacobian_of_laws_with_memory() {
-        let basis = Basis::periodic(&[1, 2, 3], 1);
-        check(9, &[2.0, 0.4], &basis, &[64], &[1.3], 1e-7);
-        check(9, &[2.0, 1e3], &basis, &[64], &[1.3], 1e-7);
-        check(10, &[2.0, 0.4, 1.0, 1.2], &basis, &[64], &[1.3], 1e-7);
-        check(12, &[2.0, 0.4, 1.0, 1.2], &basis, &[64], &[1.3], 1e-8);
-        check(13, &[3.0, 0.1, 4.0, 1.5, 1.7], &basis, &[64], &[1.3], 1e-6);
-        check(14, &[1.0, 1.5, 0.5, 3.0, 0.6, 0.4], &basis, &[64], &[1.3], 1e-6);
-        check(12, &[2.0, 0.4], &Basis::periodic(&[1, 3, 4], 3), &[32], &[1.3], 1e-8);
-    }
-
-    #[test]
-    fn jacobian_of_quasi_periodic_motion() {
-        let indices = vec![vec![0, 1], vec![1, -1], vec![1, 0], vec![0, 2], vec![2, 0], vec![1, 1]];
-        let basis = Basis { indices, subharmonic: 1.0 };
-        check(0, &[0.7], &basis, &[9, 10], &[1.3, 0.8], 1e-8);
-        check(8, &[0.7], &basis, &[9, 12], &[1.3, 0.8], 1e-8);
-    }
-}
+mod tests;

@@ -17,6 +17,7 @@ pub mod modal;
 pub mod peak;
 mod periodic_state;
 pub mod problem;
+mod ramps;
 pub mod refined;
 pub mod response;
 pub mod rows;

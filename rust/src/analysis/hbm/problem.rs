@@ -415,12 +415,12 @@ impl Problem {
         Ok(out)
     }
 
-    /// df/du and df/dv of every element at the samples of a sampler on the same terms.
+    /// df/du and df/dv of every element, means over the intervals around the samples of a sampler on the same terms.
     pub fn tangents(&mut self, y: &[f64], sampler: &mut Aft) -> Result<Tangents> {
         std::mem::swap(&mut self.aft, sampler);
         let n_e = self.elements.len();
         let one = |e: usize| -> Result<(Vec<f64>, Vec<f64>)> {
-            self.evaluate_element(e, y, Want::Tangents)?;
+            self.evaluate_element(e, y, Want::Means)?;
             let (f_u, f_v) = self.aft.tangents();
             Ok((f_u.to_vec(), f_v.to_vec()))
         };
