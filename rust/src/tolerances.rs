@@ -5,6 +5,7 @@ pub mod matrices;
 pub mod modes;
 pub mod periodic;
 pub mod roots;
+pub mod singular_poses;
 pub mod sparse_modes;
 pub mod steps;
 

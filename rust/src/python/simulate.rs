@@ -61,6 +61,7 @@ fn plan(options: &Bound<'_, PyDict>) -> PyResult<Plan> {
         outputs: numbers(options, "outputs")?,
         breaks: numbers(options, "breaks")?.unwrap_or_default(),
         max_steps: number(options, "max_steps")?.map_or(usize::MAX, |n| n as usize),
+        share: 1.0,
     })
 }
 

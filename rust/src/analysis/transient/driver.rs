@@ -3,10 +3,12 @@ use crate::error::{Error, Result};
 use crate::run::{Cancel, Counts};
 use crate::tolerances::motion::SAFETY;
 
-use super::detour::Detour;
-use super::way::{Aim, Uncounted, Verdict, Way, active, finest};
+use super::detour::{Approach, Detour, Passage, again, passage};
+use super::watch::{Mark, Seen, Watch};
+use super::way::{Aim, Uncounted, Verdict, Way, active};
 use super::{Equations, Instant, LocalError, Motion, Scheme, Step};
-use crate::tolerances::steps::{BEFORE_BREAK, ON_GRID, SAME_INSTANT, SAME_LENGTH};
+use crate::tolerances::singular_poses::{FARTHEST_CROSSING, NEAREST_CROSSING};
+use crate::tolerances::steps::{BEFORE_BREAK, FINEST_CROSSING, ON_GRID, SAME_INSTANT, SAME_LENGTH};
 
 pub use super::plan::{End, Output, Plan, Progress, Run, Steps};
 
@@ -33,6 +35,7 @@ struct Driver<'e, 's, 'p> {
     speed: f64,
     next_output: usize,
     uncounted: Uncounted<'e, 's>,
+    watch: Watch,
     run: Run,
 }
 
@@ -54,6 +57,7 @@ pub fn drive(
         speed: 0.0,
         next_output: 0,
         uncounted: Uncounted::new(eq),
+        watch: Watch::new(eq, &start, counts),
         run: Run {
             outputs: Vec::new(),
             steps: vec![start.motion.t],
@@ -134,15 +138,16 @@ impl Driver<'_, '_, '_> {
                 .max(self.scaled(&way.here.motion.rate))
                 .max(1e-3 * self.scaled(&way.here.acceleration) * total.min(way.h * 1e3))
                 .max(SLOWEST / total);
-            let here = &way.here;
-            if let Some(d) = way.detour.take_if(|d| d.is_behind(self.eq, here, counts)) {
+            let t = way.here.motion.t;
+            if let Some(d) = way.detour.take_if(|d| t >= d.until) {
                 way.recent = d.before;
                 way.h = way.recent;
                 scheme.reset();
             }
+            self.look_ahead(&mut way, scheme, counts);
             let aim = self.aim(&way);
             let estimate = self.controlled();
-            let finest = finest(&way);
+            let finest = self.finest(&way);
             let active = active(&mut way.detour, scheme);
             let tried = active.step(self.eq, &way.here, aim.length, estimate, counts);
             let (per_unit, patience) = (active.per_unit_step(), active.rate_time(aim.length));
@@ -224,6 +229,7 @@ impl Driver<'_, '_, '_> {
             );
             return Ok(false);
         }
+        let mark = self.mark();
         let active = active(&mut way.detour, scheme);
         way.kinked = active.per_unit_step() && self.eq.passes_kink(&way.here.motion, &step.end.motion);
         self.record(active, &way.here, &mut step, aim.length, counts)?;
@@ -242,14 +248,22 @@ impl Driver<'_, '_, '_> {
         way.after_rejection = false;
         let faded = way.recent * (-FADING * aim.length / way.recent.max(aim.length)).exp();
         way.recent = aim.length.max(faded);
+        let seen = self.watch.see(self.eq, (&way.here, &step.end), mark, counts);
         way.here = step.end;
         self.run.local.push(size);
         self.run.steps.push(aim.broken.unwrap_or(way.here.motion.t));
         counts.add("steps", 1);
+        if seen == Seen::Impossible {
+            return Ok(self.lost(&way.here, "rates grow beyond all bounds", counts));
+        }
+        if seen == Seen::Turned {
+            return Ok(self.cross_again(way, scheme, counts) || self.lost(&way.here, "the motion turned", counts));
+        }
         if let Some(t) = aim.broken {
             // rates of drives may jump: an impact
             way.here.motion.t = t;
             scheme.reset();
+            self.watch.forget();
             match self.eq.consistent(way.here.motion.clone(), counts) {
                 Ok(after) => way.here = after,
                 Err(error) => {
@@ -262,17 +276,26 @@ impl Driver<'_, '_, '_> {
     }
 
     /// A shorter step, or a way around; false where neither helps.
-    fn rejected(&mut self, way: &mut Way, scheme: &dyn Scheme, shorter: f64, why: String, counts: &mut Counts) -> bool {
+    fn rejected(
+        &mut self,
+        way: &mut Way,
+        scheme: &mut dyn Scheme,
+        shorter: f64,
+        why: String,
+        counts: &mut Counts,
+    ) -> bool {
         let t = way.here.motion.t;
         self.run.rejected += 1;
         counts.add("rejected steps", 1);
         way.failures += 1;
         way.after_rejection = true;
         way.h = shorter;
-        if let Some(detour) = self.detour(way, scheme, shorter, counts) {
-            way.failures = 0;
-            way.h = detour.length;
-            way.detour = Some(detour);
+        if let Some(detour) = way.detour.take() {
+            // nearer to the pose first
+            self.watch.own_until = t + detour.nearer;
+            way.h = detour.before.min(detour.nearer);
+            way.after_rejection = false;
+        } else if self.watch.collapsed(shorter) && self.cross_again(way, scheme, counts) {
             return true;
         }
         // a fixed step is divided where its equations have no solution, as in singular poses
@@ -284,25 +307,82 @@ impl Driver<'_, '_, '_> {
             } else {
                 why
             };
-            self.stop(t, why);
-            return false;
+            return self.lost(&way.here, &why, counts);
         }
         true
     }
 
-    /// A way around the pose that made a step of the scheme fail.
-    fn detour(&self, way: &Way, scheme: &dyn Scheme, shorter: f64, counts: &mut Counts) -> Option<Detour> {
-        let Steps::Controlled { rtol, longest, .. } = self.plan.steps else {
-            return None;
+    /// The smallest tolerance that rounding allows near a singular pose; none far from one.
+    fn finest(&self, way: &Way) -> f64 {
+        if way.detour.is_some() { FINEST_CROSSING } else { self.watch.noise().min(FINEST_CROSSING) }
+    }
+
+    fn mark(&self) -> Mark {
+        Mark { outputs: self.run.outputs.len(), next_output: self.next_output, steps: self.run.steps.len() }
+    }
+
+    /// Is a singular pose so near that a step would end or have a stage in its noise? Then the step is made shorter, or another crosses.
+    fn look_ahead(&mut self, way: &mut Way, scheme: &dyn Scheme, counts: &mut Counts) {
+        let Steps::Controlled { rtol, .. } = self.plan.steps else { return };
+        let t = way.here.motion.t;
+        let wanted = scheme.crossing().filter(|_| way.detour.is_none() && t >= self.watch.own_until);
+        let rounding = scheme.rounding();
+        let Some(own) = wanted.filter(|_| self.eq.minds_singular_poses(&way.here.motion.rate, way.h, rtol, rounding))
+        else {
+            return;
         };
-        if way.detour.is_some() || !self.eq.constrained() {
-            return None;
+        let speed = self.scaled(&way.here.motion.rate);
+        let reach = way.h * 2.0 + if own { 0.0 } else { FARTHEST_CROSSING / speed };
+        let Some(hold) = self.watch.near(self.eq, &way.here, speed * reach, counts) else { return };
+        let Some(ahead) = self.eq.way_to_singular_pose(&way.here, hold, counts).filter(|a| *a <= reach) else {
+            self.watch.own_until = t + 0.5 * hold / speed;
+            return;
+        };
+        let chosen = passage(&Approach { ahead, h: way.h, speed, slope: hold / ahead, rtol }, scheme);
+        match chosen {
+            Passage::Own => self.watch.own_until = t + 0.3 * ahead,
+            Passage::Shorter(h) => way.h = h,
+            Passage::Crossing(length) if speed * ahead > NEAREST_CROSSING => {
+                counts.add("detours", 1);
+                way.detour = Some(Detour::of((t, ahead), length, way.h, self.watch.again));
+                way.h = length;
+            }
+            Passage::Crossing(_) => self.watch.own_until = t + 2.0 * ahead,
         }
-        let around = scheme.bridge(shorter / way.recent)?;
-        let natural = self.first_step(&way.here, rtol, around.order());
-        // long enough to get well beyond the pose with the first step
-        let natural = way.recent.max(natural).min(longest);
-        Detour::across(self.eq, &way.here, around, way.recent, natural, counts)
+    }
+
+    /// Back to before the singular pose, and across it by another step; false where that was done often enough.
+    fn cross_again(&mut self, way: &mut Way, scheme: &mut dyn Scheme, counts: &mut Counts) -> bool {
+        let Steps::Controlled { .. } = self.plan.steps else { return false };
+        let (Some(gap), true) = (again(self.watch.again), scheme.crossing().is_some()) else { return false };
+        let Some(shore) = self.watch.shore.take_if(|s| s.is_passable(&self.scales)) else { return false };
+        counts.add("crossings again", 1);
+        self.run.outputs.truncate(shore.mark.outputs);
+        self.run.steps.truncate(shore.mark.steps);
+        self.run.local.truncate(shore.mark.steps - 1);
+        self.next_output = shore.mark.next_output;
+        let passed = shore.pose_after();
+        (way.here, way.h, way.failures, way.after_rejection) = (shore.instant, shore.h, 0, false);
+        self.watch.return_to(self.eq, &way.here, counts);
+        let ahead = self.eq.way_to_singular_pose(&way.here, self.watch.hold, counts).unwrap_or(passed);
+        let t = way.here.motion.t;
+        way.detour = Some(Detour::of((t, ahead), ahead / gap, shore.h, self.watch.again));
+        way.h = ahead / gap;
+        scheme.reset();
+        true
+    }
+
+    /// The run ends; where rows lose rank, they are the reason.
+    fn lost(&mut self, here: &Instant, why: &str, counts: &mut Counts) -> bool {
+        let message = match self.watch.losing_rank(self.eq, here, counts) {
+            None => why.to_string(),
+            Some((t, names)) => format!(
+                "near t = {t:.9} s the rows of {names} lose rank: a pose beyond which its loops or drives cannot go on, or in which two \
+                 motions meet that rounding cannot tell apart; keep the drive or the start from this pose, or take a larger rtol ({why})"
+            ),
+        };
+        self.stop(here.motion.t, message);
+        false
     }
 
     /// A shorter step that ends where a slider turns.
@@ -426,7 +506,9 @@ impl Driver<'_, '_, '_> {
     fn tolerance(&self, scheme: &dyn Scheme, h: f64) -> f64 {
         match self.plan.steps {
             Steps::Fixed(_) => f64::INFINITY,
-            Steps::Controlled { rtol, .. } if scheme.per_unit_step() => rtol * h / (self.plan.end - self.start),
+            Steps::Controlled { rtol, .. } if scheme.per_unit_step() => {
+                rtol * (self.plan.share * h / (self.plan.end - self.start)).min(1.0)
+            }
             Steps::Controlled { rtol, .. } => rtol,
         }
     }

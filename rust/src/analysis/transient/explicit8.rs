@@ -21,9 +21,6 @@ use super::{Equations, Instant, LocalError, Motion, Scheme, Step};
 /// The estimate exceeds that of order 5 at most by this factor.
 const MOST: f64 = 10.0;
 
-/// A step that must be shorter than this part of those before has an error of thousands of tolerances.
-const COLLAPSED: f64 = 0.3;
-
 /// What the stages integrate where there are constraints.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Coordinates {
@@ -239,8 +236,8 @@ impl Scheme for Explicit8 {
         Ok(Step { end, error })
     }
 
-    fn bridge(&self, left: f64) -> Option<Box<dyn Scheme>> {
-        (!self.careful && left < COLLAPSED).then(Explicit8::across_singular_poses)
+    fn crossing(&self) -> Option<bool> {
+        (!self.careful).then_some(true)
     }
 
     fn remark(&self) -> Option<String> {

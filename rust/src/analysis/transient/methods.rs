@@ -15,6 +15,7 @@ use super::explicit_minimal::Minimal;
 use super::explicit8::{Coordinates, Explicit8};
 use super::generalized_alpha::GeneralizedAlpha;
 use super::radau::Radau;
+use super::share::share;
 use super::{Equations, Instant, Motion, Scheme, scaled_size};
 
 #[derive(Debug, Clone, Copy)]
@@ -101,7 +102,7 @@ pub fn simulate(
     eq: &Equations<'_, f64>,
     method: Method,
     start: Motion<f64>,
-    plan: Plan,
+    mut plan: Plan,
     cancel: &Cancel,
     progress: &Progress,
     counts: &mut Counts,
@@ -120,6 +121,9 @@ pub fn simulate(
     if matches!(method, Method::Explicit(None)) && Minimal::pays(eq, &first.motion) {
         method = Method::Explicit(Some(Coordinates::Independent));
         why = format!("{why}; many loops and few freedoms");
+    }
+    if matches!(method, Method::GeneralizedAlpha(_) | Method::Ali3p(..)) {
+        plan.share = share(eq, &|steps| method.scheme(steps), &first, &plan, cancel, counts)?;
     }
     let mut scheme = method.scheme(plan.steps);
     let run = drive(eq, scheme.as_mut(), first, &plan, cancel, progress, counts)?;

@@ -12,8 +12,10 @@
 //! |---|---|
 //! | `consistent` | closing, projection of rates, accelerations and multipliers: all that makes an `Instant` |
 //! | `singular` | poses where rows lose rank |
-//! | `detour` | around them |
+//! | `detour` | across them |
+//! | `watch` | whether the motion goes on behind them as it came |
 //! | `plan`, `driver`, `way` | fixed or controlled steps, output times, stops, detours |
+//! | `share` | how much of the tolerance a unit of time may have |
 //! | `states` | internal states of laws |
 //! | `rotations` | three rotations that act together |
 //! | `held_rates` | tangents at constant rates |
@@ -39,14 +41,15 @@ pub mod plan;
 pub mod radau;
 mod reversal;
 pub mod rotations;
+mod share;
 mod singular;
 mod states;
 pub mod stiffness;
+mod watch;
 mod way;
 
 use std::sync::Arc;
 
-use explicit8::Explicit8;
 use nalgebra::{DMatrix, DVector};
 use states::close_section;
 
@@ -140,6 +143,11 @@ pub trait Scheme {
         false
     }
 
+    /// What its equations leave of constraint rows.
+    fn rounding(&self) -> f64 {
+        f64::EPSILON
+    }
+
     /// Factor of the next step, for schemes that choose their order; `size` of an error is one at its tolerance. Called after
     /// `accept`.
     fn proposal(&mut self, _size: &dyn Fn(&LocalError) -> f64) -> Option<f64> {
@@ -149,9 +157,9 @@ pub trait Scheme {
     /// The driver goes on from the end of this step (of length h): the place to move histories on.
     fn accept(&mut self, _eq: &Equations<'_, f64>, _from: &Instant, _step: &Step, _h: f64) {}
 
-    /// A scheme that gets past singular poses where this one does not; `left`: the next step over those before.
-    fn bridge(&self, _left: f64) -> Option<Box<dyn Scheme>> {
-        Some(Explicit8::across_singular_poses())
+    /// Whether its own steps are as long as one across a singular pose; None where it never leaves such a pose to another scheme.
+    fn crossing(&self) -> Option<bool> {
+        Some(false)
     }
 
     /// How long an error of the rates counts in positions; the driver takes the time of the motion where that is shorter.

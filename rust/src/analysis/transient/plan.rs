@@ -32,6 +32,9 @@ pub struct Plan {
     /// times at which a step must end and histories start anew, ascending
     pub breaks: Vec<f64>,
     pub max_steps: usize,
+    /// how many tolerances the errors may add up to of schemes that hold that of a unit of time: where what they add up to does not
+    /// last, the error of the motion is one (`share`)
+    pub share: f64,
 }
 
 #[derive(Debug, Clone)]

@@ -7,7 +7,6 @@ use crate::system::topology::Owner;
 
 use super::detour::Detour;
 use super::{Equations, Instant, Motion, Scheme, Step};
-use crate::tolerances::steps::FINEST_CROSSING;
 
 /// Where the march stands, and how it goes on.
 pub(super) struct Way {
@@ -71,11 +70,6 @@ pub(super) struct Aim {
     pub length: f64,
     pub target: Option<f64>,
     pub broken: Option<f64>,
-}
-
-/// The smallest tolerance that the pose allows which a detour passes.
-pub(super) fn finest(way: &Way) -> f64 {
-    way.detour.as_ref().map_or(0.0, |_| FINEST_CROSSING)
 }
 
 /// What makes the next step: the detour's scheme while there is one.

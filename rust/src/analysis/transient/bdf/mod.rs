@@ -89,6 +89,11 @@ trait Corrector {
         false
     }
 
+    /// What it leaves of constraint rows.
+    fn rounding(&self) -> f64 {
+        f64::EPSILON
+    }
+
     /// Rotations of a chart (radians) beyond which the next step gets one of its own.
     fn widest_chart(&self) -> f64 {
         WIDE
@@ -192,6 +197,7 @@ impl Bdf {
             outputs: Some(times),
             breaks: Vec::new(),
             max_steps: 100_000,
+            share: 1.0,
         };
         let mut scheme = Bdf::newton(Some(START));
         let run = drive(eq, &mut scheme, from.clone(), &plan, &Cancel::default(), &Progress::default(), counts)?;
@@ -326,6 +332,10 @@ impl Scheme for Bdf {
 
     fn power(&self) -> f64 {
         self.power_of(self.order)
+    }
+
+    fn rounding(&self) -> f64 {
+        self.corrector.rounding()
     }
 
     /// First steps hold a part of the tolerance in each of their parts.
