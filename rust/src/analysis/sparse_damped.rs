@@ -3,14 +3,18 @@
 //! The 2n state matrix is never formed: (A - sigma I)^-1 needs one factorisation of sigma^2 M + sigma D + S, n by n.
 use faer::{Mat, MatMut, MatRef, c64};
 
+use super::sparse_crowded;
 use super::sparse_pencil::{Assembled, Pencil};
+use super::sparse_polynomial::Polynomial;
 use crate::error::{Error, Result};
+use crate::linalg::field::Field;
 use crate::linalg::krylov::{Operator, Options, Ritz, Space};
 use crate::linalg::quadratic::Quadratic;
-use crate::linalg::sparse::{Csc, Factor};
+use crate::linalg::sparse::{Csc, Factor, Lu};
 use crate::run::{Cancel, Counts};
 use crate::tolerances::matrices::STIFFNESS_PIVOT;
-use crate::tolerances::sparse_modes::{RIGID_PAIR, SAME_DAMPED};
+use crate::tolerances::modes::PATIENCE;
+use crate::tolerances::sparse_modes::{BESIDE, ENTRY_NOISE, RIGID_PAIR, SAME_DAMPED};
 
 pub struct DampedModes {
     /// the roots with Im s >= 0 nearest to the shift, ascending in |s|; a rigid motion counts once, as 0, each other real root
@@ -20,23 +24,34 @@ pub struct DampedModes {
     pub shape: Mat<c64>,
     /// |s^2 M y + s D y + S y| / ((|s|^2 |M| + |s| |D| + |S|) |y|)
     pub residual: Vec<f64>,
+    /// estimated relative error of s, from the left vectors
+    pub error: Vec<f64>,
     pub rigid: usize,
-    pub sigma: f64,
+    /// how it was made sure that no lower root is missing
+    pub verified: &'static str,
     pub counts: Counts,
 }
 
+/// Roots in the closed upper half plane, the first components of their states, and what is known of their number.
+pub(super) struct Found {
+    pub s: Vec<c64>,
+    pub shape: Mat<c64>,
+    pub verified: &'static str,
+}
+
 pub struct Damped {
-    m: Csc,
+    pub(super) m: Csc,
     d: Csc,
     s: Csc,
+    pub(super) polynomial: Polynomial,
 }
 
 /// States (y, y'/rate), measured by their energies: then an undamped system's operator at no shift is skew, and rounding in fast
 /// motions, which the mass norm of y magnifies at every step, stays small.
-struct StateOperator<'a> {
+pub(super) struct StateOperator<'a, T> {
     system: &'a Damped,
-    factor: Factor,
-    sigma: f64,
+    factor: Lu<T>,
+    sigma: T,
     rate: f64,
     strain: &'a Csc,
 }
@@ -51,19 +66,20 @@ impl Damped {
         }
         // the checks of M are those of the symmetric problem
         Assembled::new(m.clone(), Csc::from_entries(n, n, Vec::new()))?;
-        Ok(Damped { m, d, s })
+        Ok(Damped { polynomial: Polynomial::new(&m, &d, &s), m, d, s })
     }
 
-    fn polynomial(&self, sigma: f64) -> Csc {
-        self.s.combined(1.0, sigma, &self.d).combined(1.0, sigma * sigma, &self.m)
-    }
-
-    fn operator<'a>(&'a self, sigma: f64, rate: f64, strain: &'a Csc) -> Result<StateOperator<'a>> {
-        Ok(StateOperator { factor: Factor::lu(&self.polynomial(sigma))?, system: self, sigma, rate, strain })
+    pub(super) fn operator<'a, T: Field>(
+        &'a self,
+        sigma: T,
+        rate: f64,
+        strain: &'a Csc,
+    ) -> Result<StateOperator<'a, T>> {
+        Ok(StateOperator { factor: self.polynomial.factors(sigma)?, system: self, sigma, rate, strain })
     }
 
     /// The symmetric part of S.
-    fn stiffness(&self) -> Csc {
+    pub(super) fn stiffness(&self) -> Csc {
         let mirrored = self.s.entries().map(|(i, j, v)| (j, i, v)).collect();
         let n = self.m.rows;
         self.s.combined(0.5, 0.5, &Csc::from_entries(n, n, mirrored))
@@ -81,40 +97,87 @@ impl Damped {
         Ok(self.m.combined(size, 0.0, &self.m))
     }
 
-    fn residuals(&self, s: &[c64], y: MatRef<'_, c64>) -> Vec<f64> {
+    pub(super) fn residuals(&self, s: &[c64], y: MatRef<'_, c64>) -> Vec<f64> {
         let norm = |a: &Csc| a.value.iter().map(|v| v * v).sum::<f64>().sqrt();
         let (nm, nd, ns) = (norm(&self.m), norm(&self.d), norm(&self.s));
-        let n = self.m.rows;
-        let parts = |k: usize, f: &dyn Fn(c64) -> f64| Mat::from_fn(n, 1, |i, _| f(y[(i, k)]));
         (0..s.len())
             .map(|k| {
-                let (re, im) = (parts(k, &|z| z.re), parts(k, &|z| z.im));
-                let apply = |a: &Csc| {
-                    let (mut x, mut z) = (Mat::zeros(n, 1), Mat::zeros(n, 1));
-                    a.multiply(re.as_ref(), x.as_mut(), false);
-                    a.multiply(im.as_ref(), z.as_mut(), false);
-                    (0..n).map(|i| c64::new(x[(i, 0)], z[(i, 0)])).collect::<Vec<_>>()
-                };
-                let (my, dy, sy) = (apply(&self.m), apply(&self.d), apply(&self.s));
-                let r: f64 = (0..n).map(|i| (s[k] * s[k] * my[i] + s[k] * dy[i] + sy[i]).norm_sqr()).sum();
+                let r = self.at(s[k], y.subcols(k, 1));
                 let size = s[k].norm_sqr() * nm + s[k].norm() * nd + ns;
-                r.sqrt() / (size * y.col(k).norm_l2())
+                r.norm_l2() / (size * y.col(k).norm_l2())
             })
             .collect()
     }
+
+    /// (s^2 M + s D + S) y.
+    fn at(&self, s: c64, y: MatRef<'_, c64>) -> Mat<c64> {
+        let product = |a: &Csc| product(a, y);
+        let (m, d, k) = (product(&self.m), product(&self.d), product(&self.s));
+        Mat::from_fn(y.nrows(), 1, |i, _| s * s * m[(i, 0)] + s * d[(i, 0)] + k[(i, 0)])
+    }
+
+    /// w^T Q y / (s w^T Q' y) with the left vectors w, and what the rounding of the entries hides.
+    fn errors(&self, s: &[c64], y: MatRef<'_, c64>, counts: &mut Counts, cancel: &Cancel) -> Result<Vec<f64>> {
+        let symmetric = self.d.is_symmetric() && self.s.is_symmetric();
+        let sizes = [&self.m, &self.d, &self.s].map(magnitudes);
+        let mut out = vec![0.0; s.len()];
+        for (k, error) in out.iter_mut().enumerate().filter(|(k, _)| s[*k].norm() > 0.0) {
+            cancel.check()?;
+            let (s, x) = (s[k], y.subcols(k, 1));
+            let w = if symmetric { x.to_owned() } else { self.left(s, x, counts)? };
+            let form = |r: &Mat<c64>| (w.transpose() * r)[(0, 0)];
+            let rest = form(&self.at(s, x)).norm();
+            let slope = s.norm() * (s * 2.0 * form(&product(&self.m, x)) + form(&product(&self.d, x))).norm();
+            let (left, right) = (absolute(w.as_ref()), absolute(x));
+            let [m, d, k] = sizes.each_ref().map(|a| (left.transpose() * product(a, right.as_ref()))[(0, 0)]);
+            let noise = ENTRY_NOISE * f64::EPSILON * (s.norm_sqr() * m + s.norm() * d + k);
+            *error = ((rest + noise) / slope).max(f64::EPSILON);
+        }
+        Ok(out)
+    }
+
+    /// The left vector of a root, by inverse iteration from the right one.
+    fn left(&self, s: c64, y: MatRef<'_, c64>, counts: &mut Counts) -> Result<Mat<c64>> {
+        counts.add("factorisations", 1);
+        let factors = self.polynomial.factors(s * (1.0 + BESIDE))?;
+        let mut w = Mat::from_fn(y.nrows(), 1, |i, _| y[(i, 0)].conj());
+        for _ in 0..3 {
+            factors.solve_transposed(w.as_mut());
+            let size = w.norm_l2();
+            if !size.is_finite() || size <= 0.0 {
+                return Err(Error::singular("the factors at a root are singular"));
+            }
+            w = Mat::from_fn(y.nrows(), 1, |i, _| w[(i, 0)] / size);
+        }
+        Ok(w)
+    }
 }
 
-impl Operator for StateOperator<'_> {
+fn product<T: Field>(a: &Csc, x: MatRef<'_, T>) -> Mat<T> {
+    let mut out = Mat::zeros(a.rows, x.ncols());
+    a.multiply(x, out.as_mut(), false);
+    out
+}
+
+fn magnitudes(a: &Csc) -> Csc {
+    Csc { value: a.value.iter().map(|v| v.abs()).collect(), ..a.clone() }
+}
+
+fn absolute(x: MatRef<'_, c64>) -> Mat<f64> {
+    Mat::from_fn(x.nrows(), 1, |i, _| x[(i, 0)].norm())
+}
+
+impl<T: Field> Operator<T> for StateOperator<'_, T> {
     fn dim(&self) -> usize {
         2 * self.system.m.rows
     }
 
     /// (A - sigma)^-1 (a, b): (sigma^2 M + sigma D + S) y = -(M b + D a + sigma M a), v = a + sigma y.
-    fn apply(&self, x: MatRef<'_, f64>, mut out: MatMut<'_, f64>) -> Result<()> {
+    fn apply(&self, x: MatRef<'_, T>, mut out: MatMut<'_, T>) -> Result<()> {
         let n = self.system.m.rows;
         let (a, b) = (x.subrows(0, n), x.subrows(n, n));
-        let inertia = Mat::from_fn(n, x.ncols(), |i, j| -(self.rate * b[(i, j)] + self.sigma * a[(i, j)]));
-        let negative = Mat::from_fn(n, x.ncols(), |i, j| -a[(i, j)]);
+        let inertia = Mat::from_fn(n, x.ncols(), |i, j| (b[(i, j)] * self.rate + self.sigma * a[(i, j)]) * -1.0);
+        let negative = Mat::from_fn(n, x.ncols(), |i, j| a[(i, j)] * -1.0);
         let mut y = Mat::zeros(n, x.ncols());
         self.system.m.multiply(inertia.as_ref(), y.as_mut(), false);
         self.system.d.multiply(negative.as_ref(), y.as_mut(), true);
@@ -128,67 +191,73 @@ impl Operator for StateOperator<'_> {
         Ok(())
     }
 
-    fn weigh(&self, x: MatRef<'_, f64>, mut out: MatMut<'_, f64>) {
+    fn weigh(&self, x: MatRef<'_, T>, mut out: MatMut<'_, T>) {
         let n = self.system.m.rows;
         self.strain.multiply(x.subrows(0, n), out.as_mut().subrows_mut(0, n), false);
         let scale = 1.0 / (self.rate * self.rate);
         for j in 0..x.ncols() {
             for i in 0..n {
-                out[(i, j)] *= scale;
+                out[(i, j)] = out[(i, j)] * scale;
             }
         }
         self.system.m.multiply(x.subrows(n, n), out.subrows_mut(n, n), false);
     }
 }
 
-/// The `wanted` roots with Im s >= 0 nearest to the real shift, by default those of smallest modulus.
-pub fn lowest(system: &Damped, wanted: usize, sigma: Option<f64>, cancel: &Cancel) -> Result<DampedModes> {
+/// The `wanted` roots with Im s >= 0 of smallest modulus.
+pub fn lowest(system: &Damped, wanted: usize, cancel: &Cancel) -> Result<DampedModes> {
     let n = system.m.rows;
     if wanted == 0 || wanted > n {
         return Err(Error::model(format!("n = {wanted} modes were asked for; the system has {n} coordinates")));
     }
     let mut counts = Counts::default();
-    let (sigma, strain) = match sigma {
-        Some(sigma) if !sigma.is_finite() => {
-            return Err(Error::model(format!("sigma = {sigma} is not finite")));
-        }
-        Some(sigma) => (sigma, None),
-        None => shift(system, wanted, &mut counts, cancel)?,
-    };
+    let (sigma, strain) = shift(system, wanted, &mut counts, cancel)?;
     let options = Options::new(2 * wanted, false);
-    let (s, shape) = if 2 * n < options.dim + 3 * options.block {
+    let found = if 2 * n < options.dim + 3 * options.block {
         counts.add("dense eigensolutions", 1);
         every(system)?
     } else {
-        iterated(system, wanted, (sigma, strain), options, &mut counts, cancel)?
+        // a real shift may lie too far from roots that are close together: then it moves among them
+        let patient = if sigma == 0.0 { Options { max_cycles: PATIENCE, ..options } } else { options };
+        match iterated(system, wanted, (sigma, &strain), patient, &mut counts, cancel) {
+            Err(Error::Convergence { .. }) if sigma == 0.0 => {
+                sparse_crowded::lowest(system, wanted, &strain, &mut counts, cancel)?
+            }
+            found => found?,
+        }
     };
-    let shape = normalised(system, shape.as_ref());
-    let (s, shape, rigid) = merge_rigid(system, s, shape, sigma);
+    let shape = normalised(system, found.shape.as_ref());
+    let (s, shape, rigid) = merge_rigid(system, found.s, shape, sigma);
+    let order = lowest_first(&s, wanted);
+    let s: Vec<c64> = order.iter().map(|k| s[*k]).collect();
+    let shape = Mat::from_fn(n, order.len(), |i, j| shape[(i, order[j])]);
+    let residual = system.residuals(&s, shape.as_ref());
+    let error = system.errors(&s, shape.as_ref(), &mut counts, cancel)?;
+    Ok(DampedModes { residual, error, s, shape, rigid, verified: found.verified, counts })
+}
+
+/// Indices of the `wanted` roots of smallest modulus; of equal ones that with more damping last.
+pub(super) fn lowest_first(s: &[c64], wanted: usize) -> Vec<usize> {
     let mut order: Vec<usize> = (0..s.len()).collect();
     order.sort_by(|a, b| s[*a].norm().total_cmp(&s[*b].norm()).then(s[*b].re.total_cmp(&s[*a].re)));
     order.truncate(wanted);
-    let s: Vec<c64> = order.iter().map(|k| s[*k]).collect();
-    let shape = Mat::from_fn(n, order.len(), |i, j| shape[(i, order[j])]);
-    Ok(DampedModes { residual: system.residuals(&s, shape.as_ref()), s, shape, rigid, sigma, counts })
+    order
 }
 
 fn iterated(
     system: &Damped,
     wanted: usize,
-    (sigma, strain): (f64, Option<Csc>),
+    (sigma, strain): (f64, &Csc),
     options: Options,
     counts: &mut Counts,
     cancel: &Cancel,
-) -> Result<(Vec<c64>, Mat<c64>)> {
+) -> Result<Found> {
     counts.add("factorisations", 1);
-    let strain = match strain {
-        Some(strain) => strain,
-        None => system.strain(sigma, counts)?,
-    };
-    let op = system.operator(sigma, rate(system, sigma, &strain)?, &strain)?;
+    let op = system.operator(sigma, rate(system, sigma, strain)?, strain)?;
     // a root of a conjugate pair brings the other along
     let mut space = Space::new(&op, options)?;
     let mut ritz = space.converge(cancel)?;
+    let mut verified = "unverified";
     // new random vectors bring to light what the first ones did not see
     for _ in 0..4 {
         let before: Vec<c64> = upper(&ritz, wanted).iter().map(|k| ritz.value[*k]).collect();
@@ -197,6 +266,7 @@ fn iterated(
         let now = upper(&ritz, wanted);
         let same = |(a, k): (&c64, &usize)| (a - ritz.value[*k]).norm() <= SAME_DAMPED * a.norm();
         if before.len() == now.len() && before.iter().zip(&now).all(same) {
+            verified = "random restart";
             break;
         }
     }
@@ -209,11 +279,11 @@ fn iterated(
     };
     let states = space.vectors(&picked, chosen.len());
     let s = picked.value.iter().map(|mu| sigma + mu.inv()).collect();
-    Ok((s, states.subrows(0, system.m.rows).to_owned()))
+    Ok(Found { s, shape: states.subrows(0, system.m.rows).to_owned(), verified })
 }
 
 /// All roots of a system so small, or of which so many are wanted, that a Krylov basis would exhaust it.
-fn every(system: &Damped) -> Result<(Vec<c64>, Mat<c64>)> {
+fn every(system: &Damped) -> Result<Found> {
     let n = system.m.rows;
     let dense = |a: &Csc| Mat::from_fn(n, n, |i, j| a.get(i, j));
     let q = Quadratic::new(dense(&system.m), Some(dense(&system.d)), dense(&system.s))?;
@@ -228,7 +298,8 @@ fn every(system: &Damped) -> Result<(Vec<c64>, Mat<c64>)> {
         x
     };
     let (re, im) = (part(&|z| z.re), part(&|z| z.im));
-    Ok((s, Mat::from_fn(n, upper.len(), |i, j| c64::new(re[(i, j)], im[(i, j)]))))
+    let shape = Mat::from_fn(n, upper.len(), |i, j| c64::new(re[(i, j)], im[(i, j)]));
+    Ok(Found { s, shape, verified: "all computed" })
 }
 
 /// Roots that are zero to the accuracy of a double root belong to rigid motions, two to each; one mode of each is left, s = 0.
@@ -266,18 +337,19 @@ fn merge_rigid(system: &Damped, s: Vec<c64>, shape: Mat<c64>, sigma: f64) -> (Ve
 }
 
 /// Zero where the stiffness is safely positive definite, and then the stiffness as the measure of strain; else a negative shift of
-/// the size of the wanted undamped frequencies.
-fn shift(system: &Damped, wanted: usize, counts: &mut Counts, cancel: &Cancel) -> Result<(f64, Option<Csc>)> {
+/// the size of the wanted undamped frequencies. With it the measure of strain.
+fn shift(system: &Damped, wanted: usize, counts: &mut Counts, cancel: &Cancel) -> Result<(f64, Csc)> {
     let stiffness = system.stiffness();
     let undamped = Assembled::new(system.m.clone(), stiffness.clone())?;
     if undamped.shifted_at_zero()?.is_some() {
-        return Ok((0.0, Some(stiffness)));
+        return Ok((0.0, stiffness));
     }
     let modes = super::sparse_modal::lowest(&undamped, wanted, None, cancel)?;
     counts.merge(&modes.counts);
     let highest = modes.lambda.iter().fold(0.0_f64, |a, l| a.max(l.abs()));
     let highest = if highest > 0.0 { highest } else { modes.sigma.abs() };
-    Ok((-0.3 * highest.sqrt(), None))
+    let sigma = -0.3 * highest.sqrt();
+    Ok((sigma, system.strain(sigma, counts)?))
 }
 
 /// |s| of the slowest motion, to bring both halves of the state to one size.

@@ -72,13 +72,17 @@ fn sparse_modes<'py>(
         return symmetric_dict(py, modes);
     }
     let d = d.unwrap_or_else(|| Csc::from_entries(m.rows, m.cols, Vec::new()));
-    let modes = interruptible(py, move |cancel| sparse_damped::lowest(&Damped::new(m, d, s)?, n, sigma, cancel))?;
+    if sigma.is_some() {
+        return Err(Error::model("a shift needs symmetric matrices without damping").into());
+    }
+    let modes = interruptible(py, move |cancel| sparse_damped::lowest(&Damped::new(m, d, s)?, n, cancel))?;
     let out = PyDict::new(py);
     out.set_item("eigenvalue", modes.s.into_pyarray(py))?;
     out.set_item("shape", to_numpy_complex(py, modes.shape.as_ref()))?;
     out.set_item("residual", modes.residual.into_pyarray(py))?;
+    out.set_item("error", modes.error.into_pyarray(py))?;
     out.set_item("rigid", modes.rigid)?;
-    out.set_item("sigma", modes.sigma)?;
+    out.set_item("verified", modes.verified)?;
     out.set_item("counts", counts_dict(py, &modes.counts)?)?;
     out.set_item("route", "sparse shift-invert, damped")?;
     Ok(out)
