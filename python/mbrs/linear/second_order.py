@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from typing import Any
 
 from ..errors import ModelError
-from .linear_system import EFFECT_OF, LinearSystem, assembled
+from .linear_system import LinearSystem, assembled
 from .linearize import second_order_of
-from .matrices import MechanicalSystem
+from .matrices import EFFECT_OF, MechanicalSystem
 
 
 def second_order(m: Any, at: Any, without: Sequence[str]) -> tuple[Any, tuple[str, ...]]:
@@ -23,17 +23,16 @@ def second_order(m: Any, at: Any, without: Sequence[str]) -> tuple[Any, tuple[st
         if unknown:
             known = ", ".join(sorted(EFFECT_OF.values()))
             raise ModelError(f"without={sorted(unknown)} is not an effect of a MechanicalSystem; it knows {known}")
-        system: Any = m
+        system: Any = m.leaving_out(frozenset(k for k, e in EFFECT_OF.items() if e in without))
     elif hasattr(m, "input_map"):
         if at is not None or without:
             raise ModelError("at= and without= belong to the call of mb.linearize that made this linear system")
         system = m
     elif hasattr(m, "bodies") or hasattr(m, "ground"):
-        system, without = second_order_of(m, at, without), ()
+        system = second_order_of(m, at, without)
     else:
         raise ModelError(f"expected a Model or a MechanicalSystem, got {type(m).__name__}")
-    effects = tuple(e for k, e in EFFECT_OF.items() if getattr(system, k) is not None and e not in without)
-    return system, effects
+    return system, tuple(e for k, e in EFFECT_OF.items() if getattr(system, k) is not None)
 
 
 def linear_system(
