@@ -180,7 +180,7 @@ def call_core(call: Any, *args: Any, **kwargs: Any) -> Any:
 def path(
     parameter: str, begin: float, ends: tuple[float, float], towards: np.ndarray | None = None, across: bool = False
 ) -> dict[str, Any]:
-    """What a branch of the core follows, by name."""
+    """Parameter, range and first direction of a branch of the core, by name."""
     start, stop = ends
     named = {"parameter": parameter, "begin": begin, "start": start, "stop": stop}
     return {**named, "towards": towards, "across": across}
