@@ -98,9 +98,8 @@ fn receptance_of_the_hexapod_is_that_of_one_oscillator() -> Result<()> {
     let (k, c, mass) = (1e5, 30.0, 20.0);
     let system = System::new(models::cubic_hexapod(0.2, k, c, mass, 0.15))?;
     let lin = linearized(&system)?;
-    let damping = lin.matrices.damping.as_ref().map(dense);
-    let (mass_matrix, stiffness) = (dense(&lin.matrices.mass), dense(&lin.matrices.stiffness));
-    let matrices = Matrices { m: mass_matrix, c: damping, g: None, k: stiffness, n: None };
+    let c = lin.matrices.damping.as_ref().map(dense);
+    let matrices = Matrices { m: dense(&lin.matrices.mass), c, g: None, k: dense(&lin.matrices.stiffness), n: None };
     let l = Mat::from_fn(1, 6, |_, j| lin.body_map[(2, j)]);
     let ports = Ports { f: l.transpose().to_owned(), l, order_in: vec![0], order_out: 0, d0: None };
     let omega: Vec<f64> = (1..200).map(|i| f64::from(i) * TAU).collect();
