@@ -33,12 +33,13 @@ mod python;
 
 pub use analysis::assembly::assemble;
 pub use analysis::equilibrium::{Equilibrium, equilibrium};
-pub use analysis::linear_system::{LinearSystem, Matrices};
+pub use analysis::frf::Reduction;
 pub use analysis::linearize::{Linearization, Setting, linearize};
 pub use analysis::modal::{Kind, modes};
 pub use analysis::ports::Ports;
 pub use error::{Error, Result};
 pub use joint::JointKind;
+pub use linalg::quadratic::Quadratic;
 pub use model::layout::flag;
 pub use model::tables::{BodyRef, BodySpec, ElementKind, ElementSpec, JointSpec, Tables};
 pub use run::{Cancel, Counts};

@@ -2,7 +2,6 @@
 use faer::Mat;
 use nalgebra::DMatrix;
 
-use crate::analysis::linear_system::{LinearSystem, Matrices};
 use crate::analysis::linearize::{Linearization, Setting};
 use crate::analysis::modal::{Kind, Modal, modes};
 use crate::analysis::parts::Parts;
@@ -17,16 +16,17 @@ fn square(x: &DMatrix<f64>) -> Mat<f64> {
     Mat::from_fn(x.nrows(), x.ncols(), |i, j| x[(i, j)])
 }
 
-/// The system of a linearised state.
-pub fn linear_system(made: &Linearization, parts: &Parts) -> Result<LinearSystem> {
+/// The matrices of a linearised state.
+pub fn second_order(made: &Linearization, parts: &Parts) -> Result<SecondOrder> {
     let given = |x: &Option<DMatrix<f64>>| x.as_ref().map(square);
-    LinearSystem::new(Matrices {
-        m: square(&made.matrices.mass),
-        c: given(&parts.damping),
-        g: given(&parts.gyroscopic),
-        k: square(&parts.stiffness),
-        n: given(&parts.circulatory),
-    })
+    SecondOrder::new(
+        square(&made.matrices.mass),
+        given(&parts.damping),
+        given(&parts.gyroscopic),
+        square(&parts.stiffness),
+        given(&parts.circulatory),
+        None,
+    )
 }
 
 /// All modes. `elastic`: whether the stiffness holds elastic elements alone; None where the caller has to decide that, if it matters.

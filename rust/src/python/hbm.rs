@@ -1,17 +1,19 @@
 //! Harmonic balance for Python: a problem object that solves, estimates and follows branches.
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
+use faer::Mat;
 use numpy::{Complex64, PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
+use pyo3::types::PyDict;
 
-use super::border::{Dense, Vector, called, guarded, interruptible, matrix, to_numpy};
+use super::border::{called, guarded, interruptible, matrix, to_numpy};
 use super::expressions::program;
 use super::hbm_branch::find_peak;
 use super::hbm_linear::HbmLinear;
 use crate::analysis::hbm::aft::{Force, Sampled};
 use crate::analysis::hbm::autonomous;
 use crate::analysis::hbm::basis::{Basis, Finer};
-use crate::analysis::hbm::estimate::Estimator;
+use crate::analysis::hbm::estimate::{Estimate, Estimator};
 use crate::analysis::hbm::family::{Family, Member, Placed};
 use crate::analysis::hbm::linear::{DynamicStiffness, Matrices};
 use crate::analysis::hbm::peak::Quantity;
@@ -20,7 +22,7 @@ use crate::analysis::hbm::start;
 use crate::analysis::stability::Stability;
 use crate::error::{Error, Result};
 use crate::force::{AnyLaw, FunctionLaw};
-use crate::solve::newton::Options;
+use crate::solve::newton::{Options, Outcome};
 use crate::solve::{Curve, Linearisation};
 
 type Array<'py, T> = Bound<'py, PyArray1<T>>;
@@ -235,15 +237,15 @@ impl HbmProblem {
 
     /// Residual, Jacobian and slope by the parameter ("omega", "level", "scale" or "family") at the coefficients y (harmonic by harmonic).
     #[pyo3(signature = (y, omega, level=1.0, parameter="omega", value=None))]
-    fn residual(
+    fn residual<'py>(
         &self,
-        py: Python<'_>,
+        py: Python<'py>,
         y: PyReadonlyArray1<'_, f64>,
         omega: Vec<f64>,
         level: f64,
         parameter: &str,
         value: Option<f64>,
-    ) -> PyResult<Tangent> {
+    ) -> PyResult<Bound<'py, PyDict>> {
         let y = y.as_slice()?.to_vec();
         let parameter = parameter_called(parameter)?;
         let mut problem = self.separate()?;
@@ -260,25 +262,29 @@ impl HbmProblem {
             problem.linearise(&y, value, &mut out)?;
             Ok(out)
         })?;
-        Ok(Tangent { residual: Vector(out.residual), jacobian: Dense(out.jacobian), slope: Vector(out.slope) })
+        let dict = PyDict::new(py);
+        dict.set_item("residual", PyArray1::from_vec(py, out.residual))?;
+        dict.set_item("jacobian", to_numpy(py, out.jacobian.as_ref()))?;
+        dict.set_item("slope", PyArray1::from_vec(py, out.slope))?;
+        Ok(dict)
     }
 
     /// One solution, started at y.
     #[pyo3(signature = (y, omega, level=1.0, *, tolerance, max_iterations))]
-    fn solve(
+    fn solve<'py>(
         &self,
-        py: Python<'_>,
+        py: Python<'py>,
         y: PyReadonlyArray1<'_, f64>,
         omega: Vec<f64>,
         level: f64,
         tolerance: f64,
         max_iterations: usize,
-    ) -> PyResult<Solved> {
+    ) -> PyResult<Bound<'py, PyDict>> {
         let mut y = y.as_slice()?.to_vec();
         drop(self.at(&omega, y.len(), level)?);
         let (mut problem, finer) = (self.separate()?, self.finer.clone());
         let options = Options { tolerance, max_iterations };
-        interruptible(py, move |cancel| {
+        let solved = interruptible(py, move |cancel| {
             problem.omega = omega;
             problem.level = level;
             problem.evaluations = 0;
@@ -287,30 +293,27 @@ impl HbmProblem {
             let estimate = Estimator::new(&problem, &finer)?.estimate(&problem, &y)?;
             let all = problem.expand(&y)?;
             Ok(Solved {
-                y: Vector(y),
-                all: Dense(all),
-                converged: outcome.converged,
-                reason: outcome.reason,
-                iterations: outcome.iterations,
-                step: outcome.step,
+                y,
+                all,
+                outcome,
+                estimate,
                 evaluations: problem.evaluations,
                 factorisations: problem.factorisations,
-                error: estimate.error,
-                aliasing: estimate.aliasing,
                 broken: problem.ever_broken,
             })
-        })
+        })?;
+        solved.to_dict(py)
     }
 
     /// A limit cycle from the guess z = [y, omega].
     #[pyo3(signature = (z, *, tolerance, max_iterations))]
-    fn cycle(
+    fn cycle<'py>(
         &self,
-        py: Python<'_>,
+        py: Python<'py>,
         z: PyReadonlyArray1<'_, f64>,
         tolerance: f64,
         max_iterations: usize,
-    ) -> PyResult<Cycle> {
+    ) -> PyResult<Bound<'py, PyDict>> {
         let mut z = z.as_slice()?.to_vec();
         let mut problem = self.separate()?;
         if z.len() != problem.size() + 1 {
@@ -318,18 +321,19 @@ impl HbmProblem {
         }
         let finer = self.finer.clone();
         let options = Options { tolerance, max_iterations };
-        interruptible(py, move |cancel| {
+        let (z, outcome, error, evaluations) = interruptible(py, move |cancel| {
             let outcome = autonomous::solve(&mut problem, &mut z, options, cancel)?;
             let error = autonomous::estimate(&problem, &z, &finer)?;
-            Ok(Cycle {
-                z: Vector(z),
-                converged: outcome.converged,
-                reason: outcome.reason,
-                iterations: outcome.iterations,
-                evaluations: problem.evaluations,
-                error,
-            })
-        })
+            Ok((z, outcome, error, problem.evaluations))
+        })?;
+        let dict = PyDict::new(py);
+        dict.set_item("z", PyArray1::from_vec(py, z))?;
+        dict.set_item("converged", outcome.converged)?;
+        dict.set_item("reason", outcome.reason)?;
+        dict.set_item("iterations", outcome.iterations)?;
+        dict.set_item("evaluations", evaluations)?;
+        dict.set_item("error", error)?;
+        Ok(dict)
     }
 
     /// Floquet exponents of a solution (None where they cannot be told), and the monodromy matrix if asked for.
@@ -441,40 +445,32 @@ impl HbmProblem {
     }
 }
 
-/// Residual with its derivatives by the coefficients and by the parameter.
-#[derive(IntoPyObject)]
-struct Tangent {
-    residual: Vector<f64>,
-    jacobian: Dense<f64>,
-    slope: Vector<f64>,
-}
-
-/// A solution: coefficients y of the retained coordinates, and of all.
-#[derive(IntoPyObject)]
 struct Solved {
-    y: Vector<f64>,
-    #[pyo3(item("X"))]
-    all: Dense<f64>,
-    converged: bool,
-    reason: &'static str,
-    iterations: usize,
+    y: Vec<f64>,
+    all: Mat<f64>,
+    outcome: Outcome,
+    estimate: Estimate,
     evaluations: u64,
     factorisations: u64,
-    step: f64,
-    error: f64,
-    aliasing: f64,
     broken: Option<usize>,
 }
 
-/// A limit cycle z = [y, omega].
-#[derive(IntoPyObject)]
-struct Cycle {
-    z: Vector<f64>,
-    converged: bool,
-    reason: &'static str,
-    iterations: usize,
-    evaluations: u64,
-    error: f64,
+impl Solved {
+    fn to_dict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let dict = PyDict::new(py);
+        dict.set_item("y", PyArray1::from_slice(py, &self.y))?;
+        dict.set_item("X", to_numpy(py, self.all.as_ref()))?;
+        dict.set_item("converged", self.outcome.converged)?;
+        dict.set_item("reason", self.outcome.reason)?;
+        dict.set_item("iterations", self.outcome.iterations)?;
+        dict.set_item("evaluations", self.evaluations)?;
+        dict.set_item("factorisations", self.factorisations)?;
+        dict.set_item("step", self.outcome.step)?;
+        dict.set_item("error", self.estimate.error)?;
+        dict.set_item("aliasing", self.estimate.aliasing)?;
+        dict.set_item("broken", self.broken)?;
+        Ok(dict)
+    }
 }
 
 pub fn parameter_called(name: &str) -> Result<Parameter> {

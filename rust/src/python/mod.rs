@@ -13,7 +13,6 @@ mod hbm_linear;
 mod law_places;
 mod modal;
 mod root;
-mod second_order;
 mod simulate;
 mod sparse;
 mod sparse_system;
@@ -38,7 +37,6 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     hbm_branch::register(module)?;
     modal::register(module)?;
     root::register(module)?;
-    second_order::register(module)?;
     simulate::register(module)?;
     sparse::register(module)?;
     sparse_system::register(module)?;

@@ -5,7 +5,7 @@ use super::{Changes, Numbers, Plan, Scene};
 use crate::analysis::direction::{Directional, Entries};
 use crate::analysis::eigen_sensitivity::{Directions, Known, Slices, eigen_sensitivity};
 use crate::analysis::modal::{Kind, Modal};
-use crate::analysis::model_modes::{linear_system, model_modes};
+use crate::analysis::model_modes::{model_modes, second_order};
 use crate::error::Result;
 use crate::linalg::dense::C;
 use crate::run::Cancel;
@@ -20,7 +20,7 @@ impl Plan {
         elastic: Option<bool>,
         cancel: &Cancel,
     ) -> Result<Option<Numbers>> {
-        let matrices = linear_system(scene.lin, scene.parts)?.second_order()?;
+        let matrices = second_order(scene.lin, scene.parts)?;
         let Some(modal) = model_modes(&scene.setting, scene.lin, scene.parts, &matrices, elastic)? else {
             return Ok(None);
         };
