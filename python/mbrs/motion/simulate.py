@@ -212,7 +212,7 @@ def simulate(
     -----
     Equations: docs/theory.md (2.1), (2.2), and its sections 16 to 18.
     Constraints hold at position, velocity and acceleration level at every output, redundant ones too. Cost per step O(n^3) in the
-    number of tree coordinates and loop rows. Sources: see `rust/src/analysis/transient`.
+    number of tree coordinates and loop rows. Sources: see `rust/src/integrate`.
 
     Examples
     --------
