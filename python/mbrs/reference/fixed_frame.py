@@ -19,10 +19,10 @@ import numpy as np
 
 from . import dynamics as dyn
 from .assembly import assemble, partition, twist_map
+from .equilibrium import turning
 from .kinematics import State, System, advance, drawn_state, motion, moving
 from .linearize import linearize
 from .so3 import Array
-from .steady import turning
 
 
 @dataclass
