@@ -205,16 +205,7 @@ def spherical_pendulum():
 
 def five_bar(t=1.0):
     """docs/theory.md (23.12): layout and natural lengths reconstructed there, uniform bars."""
-    p = [(0, 0), *map(tuple, true.five_bar_start()), (1, 0)]
-    m = mb.Model("five-bar", gravity=(0, -G, 0))
-    bars = [rod(m, f"bar{i}", [p[i], p[i + 1]], mass) for i, mass in enumerate((1.0, 1.5, 1.5, 1.0))]
-    for i, (one, two) in enumerate(zip([m.ground, *bars], [*bars, m.ground], strict=True)):
-        m.revolute(f"j{i}", one, two, at=(*p[i], 0), axis="z")
-    at = [(*q, 0.0) for q in p]
-    m.spring_damper("spring1", m.ground, bars[2], at=(at[0], at[3]), k=100.0, length=np.sqrt(5.0))
-    m.spring_damper("spring2", m.ground, bars[1], at=(at[0], at[2]), k=100.0, length=np.sqrt(4.25))
-    for i in range(3):
-        m.marker(f"P{i + 1}", bars[i], at=at[i + 1])
+    m = mb.examples.five_bar(G)
 
     def truth(times):
         points = true.five_bar(times)
