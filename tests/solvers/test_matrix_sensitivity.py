@@ -104,7 +104,7 @@ def test_flexible_form_of_a_flexible_body():
     """Eqs 17 to 23 for a blade in a floating frame on a driven hub, V = [[stiffness, mass], [inertia, speed]]; the tangents
     of a motion that satisfies eq. 17 by complex steps through the accelerations and multipliers that follow from it.
     """
-    from beam_models import rotor_blade
+    from flexible_models import rotor_blade
     from mbrs.reference.kinematics import advance, moving
     from mbrs.reference.motion import tree_map, with_rates
 
