@@ -24,7 +24,7 @@ LEFT_OUT = "left out: too many steps"
 
 def methods() -> list[str]:
     """The methods that take a tolerance."""
-    from mbrs.motion.simulate import METHODS
+    from mbrs.motion.options import METHODS
 
     return [m for m in METHODS if m not in ("auto", "ali3p")]
 
