@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 METHODS = ("auto", "explicit", "generalized-alpha", "radau", "bdf", "bdf-bfgs", "ali3p")
 # of the error over the step
 ORDER = {"explicit": 8, "generalized-alpha": 2, "radau": 5, "bdf": 4, "bdf-bfgs": 4, "ali3p": 2}
+# their error is estimated by a tighter run, that of the others by a looser one
+TIGHTENED = frozenset({"explicit", "radau", "bdf", "bdf-bfgs"})
 TIGHTEST, LOOSEST = 1e-13, 1e-1
 # below it the norm to which the equations of a step of bdf-bfgs are solved shows in the rates, and steps collapse; with rows of loops
 # or drives it shows earlier (slider-crank: from 1e-9 on errors of 1.3e-9 to 2.8e-9, whatever is asked)

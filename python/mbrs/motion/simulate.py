@@ -27,6 +27,7 @@ from .amplification import warn_amplified
 from .matrix_motion import simulate_matrices
 from .options import (
     ORDER,
+    TIGHTENED,
     TIGHTEST,
     limits,
     motion_options,
@@ -48,8 +49,8 @@ if TYPE_CHECKING:
 
 # changes of initial values below this are rounding
 _CHANGED = 1e-9
-# methods whose error is estimated by a tighter run, and how much tighter it is
-_TIGHTENED, _TIGHTER = frozenset({"explicit", "radau", "bdf", "bdf-bfgs"}), 30.0
+# how much tighter the run is that estimates the error of the methods in `TIGHTENED`
+_TIGHTER = 30.0
 # below it the error of bdf-bfgs no longer follows its tolerance: a tighter run is no better
 _NOISE_WITHOUT_TANGENT = 1e-9
 # deflections beyond this part of a body's length are too large for linear elasticity in a frame
@@ -404,7 +405,7 @@ def _compared_with(traj: Trajectory, options: dict[str, Any]) -> tuple[dict[str,
     if "step" in options:
         return {"step": 2.0 * options["step"]}, 1.0 / (2.0 ** ORDER[traj.method] - 1.0)
     rtol, looser = options["rtol"], {"rtol": min(10.0 * options["rtol"], 1.0)}
-    if traj.method not in _TIGHTENED:
+    if traj.method not in TIGHTENED:
         return looser, 1.0 / 9.0
     best = _NOISE_WITHOUT_TANGENT if traj.method == "bdf-bfgs" else TIGHTEST
     if rtol / _TIGHTER < best:
