@@ -253,7 +253,7 @@ def governor() -> list[Row]:
     """Times at which both are right to 1e-7 m, over tolerances."""
     zoo, end = of_tests("motion_problems"), 10.0
     problem, runs = zoo.governor(t=end), {}
-    exact = problem.truth(np.array([end]))
+    exact = problem.answer(np.array([end]))
 
     def off(places: dict[str, np.ndarray]) -> float:
         return max(float(np.abs(places[name] - exact[name]).max()) for name in exact)
@@ -269,7 +269,7 @@ def governor() -> list[Row]:
 
     for rtol in 10.0 ** -np.arange(6.0, 12.0, 0.5):
         with mock.patch.object(zoo.true, "governor", partial(zoo.true.governor, solve=partial(solved, rtol=rtol))):
-            spent, places = once(lambda: problem.truth(np.array([end])))
+            spent, places = once(lambda: problem.answer(np.array([end])))
         if off(places) <= 1e-7:
             runs["SciPy"] = spent, rtol, off(places)
             break
