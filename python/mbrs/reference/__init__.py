@@ -12,7 +12,7 @@ from .assembly import assemble
 from .dynamics import reactions
 from .equilibrium import equilibrium, steady_motion
 from .frf import frf, frf_derivative, motion_rows
-from .kinematics import State, System, advance, drawn_state, from_poses
+from .kinematics import State, System, advance, drawn_state
 from .linearize import Linearization, linearize
 from .modal import Modes, modes
 from .motion import Motion, law_rows
@@ -47,7 +47,6 @@ __all__ = [
     "frequency_derivative",
     "frf",
     "frf_derivative",
-    "from_poses",
     "group_matrix",
     "law_rows",
     "linearize",

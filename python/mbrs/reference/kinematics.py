@@ -147,18 +147,6 @@ def first_guess(sys: System) -> State:
     return state
 
 
-def from_poses(
-    sys: System, position: Array, quaternion: Array, v: Array | None = None, w: Array | None = None
-) -> State:
-    """A state from centres of mass (nb, 3), quaternions (nb, 4) and velocities of the centres of mass and of
-    rotation (nb, 3), world.
-    """
-    position = np.asarray(position)
-    zero = np.zeros_like(position)
-    R = np.array([so3.from_quaternion(np.asarray(q)) for q in quaternion])
-    return State(position, R, zero if v is None else np.asarray(v), zero if w is None else np.asarray(w))
-
-
 Motion = list[jt.Vectors]
 GROUND_MOTION = (jet(np.zeros((1, 3))), jet(np.eye(3)))
 
