@@ -269,6 +269,13 @@ def two_supports(unit=1.0, length=2.0, load=100.0, at=0.5):
 
 # --- long structures -----
 
+
+def spring_row(k):
+    """Stiffness (n, n) of masses in a row: spring i between masses i - 1 and i, the first to ground."""
+    D = np.eye(len(k)) - np.eye(len(k), k=-1)
+    return D.T @ (np.asarray(k, dtype=float)[:, None] * D)
+
+
 LADDER_TURN = np.array([0.31, -0.52, 0.47, 0.64]) / np.linalg.norm([0.31, -0.52, 0.47, 0.64])
 LADDERS = (
     {"m_r": 1.0, "m_s": 0.5, "k_h": 10.0, "length": 0.2},
