@@ -50,7 +50,7 @@ BY_NAME = {
         *mbrs._MODULES.values(),
         *(".".join(parts) for parts in FILES if parts[0] == "io"),  # by their place in the folder
     ],
-    ("io", "result_files"): lambda: [*HOMES.values(), *FUNCTIONS.values()],
+    ("io", "results"): lambda: [*HOMES.values(), *FUNCTIONS.values()],
     ("model", "motions"): lambda: [],
     ("design", "study"): lambda: [],
 }

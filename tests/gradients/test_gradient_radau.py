@@ -4,7 +4,8 @@ import mbrs as mb
 import numpy as np
 import pytest
 from gradient_scenes import SCENES
-from motion_models import five_bar, open_chain, silent, spatial_loop
+from mbrs.examples import five_bar
+from motion_models import open_chain, silent, spatial_loop
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 from test_gradient import FIVE_BAR, LENGTHS, differences, drift, everything, worst

@@ -10,13 +10,8 @@ from mbrs.errors import ModelError, NameNotFoundError, SingularError
 from mbrs.linear.matrices import MechanicalSystem
 from mbrs.linear.response import response, response_sensitivity
 from mbrs.linear.state_space import state_space
+from problems import spring_row
 from scipy.signal import lsim
-
-
-def chain(n, k=1.0):
-    K = k * (2 * np.eye(n) - np.eye(n, k=1) - np.eye(n, k=-1))
-    K[-1, -1] = k
-    return K
 
 
 def random_system(rng, n, damping=0.2, gyroscopic=False):
@@ -95,7 +90,7 @@ def test_piecewise_linear_loads_are_exact(n, gyroscopic):
 def test_large_system_takes_uncoupled_modes():
     rng = np.random.default_rng(1)
     n = 40
-    s = MechanicalSystem(np.eye(n), np.diag(rng.uniform(0.01, 0.1, n)), chain(n))
+    s = MechanicalSystem(np.eye(n), np.diag(rng.uniform(0.01, 0.1, n)), spring_row(np.ones(n)))
     t = np.linspace(0.0, 30.0, 101)
     y = response(s, t, {0: np.sin(t)}, [0, 20])
     assert y.stats.route == "complex modes"

@@ -170,7 +170,7 @@ def test_a_tolerance_is_that_of_the_whole_motion(name, tolerances, served):
     problem = zoo.SMOOTH[name]()
     for rtol in tolerances:
         traj = mb.simulate(problem.model, t=problem.t / 2, method="bdf-bfgs", rtol=rtol)
-        error = problem.error(traj.t, problem.places(traj)) / traj.snapshot.system.characteristic_length
+        error = problem.error_of(traj)
         counts = traj.stats.counts
         print(
             f"{name}, rtol {rtol:.0e}: error {error:.1e}, estimate {traj.error:.1e}, {counts['steps']} steps, "
@@ -216,7 +216,7 @@ def test_estimates_behind_a_stop(rtol):
         for k in (0, 3, 7):
             problem = zoo.gap(stop * (1 + 1e-13 * k))
             traj = mb.simulate(problem.model, t=[problem.t], method="bdf-bfgs", rtol=rtol, form="symmetric")
-            error = problem.error(traj.t, problem.places(traj)) / traj.snapshot.system.characteristic_length
+            error = problem.error_of(traj)
             ratios.append(error / traj.error)
             print(f"stop of {stop:.0e} N/m, noise {k}: error {error:.1e}, estimate {traj.error:.1e}")
     # one of many is unlucky: of 18 with numbers as they are and of 36 with noise one was 4.8 times as far off as its estimate

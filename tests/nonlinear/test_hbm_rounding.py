@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from hinged_beam import matrices
 from mbrs import _core
 from mbrs.errors import SingularError
 from mbrs.linear.matrices import MechanicalSystem
@@ -10,13 +9,15 @@ from mbrs.model.laws import Cubic
 from mbrs.nonlinear import balance
 from mbrs.nonlinear.frequency_response import frequency_response
 from mbrs.nonlinear.periodic import harmonic_balance
+from problems import hinged_beam
 
 DAMPING = 0.02
 
 
 def beam(elements, law=1e-9):
     """Euler beam on hinges, length pi, bending stiffness and mass per length 1, a spring and a force at its middle."""
-    M, K, middle = matrices(elements, np.pi / elements)
+    problem = hinged_beam(elements, np.pi / elements)
+    (M, K), middle = problem.model, problem.notes["middle"]
     w, force = np.zeros(K.shape[0]), np.zeros(K.shape[0])
     w[middle], force[middle] = 1.0, 0.02
     return MechanicalSystem(M, DAMPING * M, K, elements=[Cubic(law, w=w)]), force, middle

@@ -6,23 +6,12 @@ import mbrs as mb
 import mpmath
 import numpy as np
 import pytest
+from problems import spring_row
 
 
 def chain(masses, springs, dampers):
     """K and C of masses in a row, the first spring and damper to ground."""
-    n = len(masses)
-
-    def tridiagonal(values):
-        a = np.zeros((n, n))
-        for i, v in enumerate(values):
-            a[i, i] += v
-            if i:
-                a[i - 1, i - 1] += v
-                a[i - 1, i] -= v
-                a[i, i - 1] -= v
-        return a
-
-    return np.diag(masses), tridiagonal(dampers), tridiagonal(springs)
+    return np.diag(masses), spring_row(dampers), spring_row(springs)
 
 
 def exact(M, C, K, omega):

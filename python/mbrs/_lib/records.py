@@ -1,4 +1,4 @@
-"""Results as data: a tree of plain values and a list of arrays, from which `mbrs.io.result_files` makes the same objects."""
+"""Results as data: a tree of plain values and a list of arrays, from which `mbrs.io.results` makes the same objects."""
 
 from __future__ import annotations
 

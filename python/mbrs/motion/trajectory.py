@@ -131,15 +131,7 @@ class Trajectory(AirMotion, Result):
 
     def rotation(self, body: BodyLike) -> np.ndarray:
         """(n_t, 3, 3) rotation matrix of a body, body to world."""
-        w, x, y, z = self._quantities["orientation"][:, self._body(body)].T
-        return np.stack(
-            [
-                np.stack([1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)], axis=-1),
-                np.stack([2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)], axis=-1),
-                np.stack([2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)], axis=-1),
-            ],
-            axis=1,
-        )
+        return quaternion_matrix(self._quantities["orientation"][:, self._body(body)])
 
     def point(self, marker: ItemLike | Vector3, *, of: BodyLike | None = None) -> np.ndarray:
         """(n_t, 3) world position of a marker (by name), or of a drawn world point ``marker`` (3,) fixed in body ``of``."""

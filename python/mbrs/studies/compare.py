@@ -11,7 +11,6 @@ import numpy as np
 
 from .. import reference as ref
 from .._lib.checks import shown
-from .._lib.rotations import quaternion_matrix
 from .._lib.text import number
 from ..errors import ModelError
 from ..linear.equilibrium import Equilibrium
@@ -425,9 +424,7 @@ def _motion(traj: Trajectory) -> list[_Row]:
     arms = np.array([b.com for b in sys.bodies]).reshape(-1, 3)
     place = np.array([s.r - np.einsum("nij,nj->ni", s.R, arms) for s in ends])
     core = np.array([traj.position(name)[chosen] for name in traj.bodies]).swapaxes(0, 1)
-    turned = np.array(
-        [[quaternion_matrix(q) for q in traj.orientation(name)[chosen]] for name in traj.bodies]
-    ).swapaxes(0, 1)
+    turned = np.array([traj.rotation(name)[chosen] for name in traj.bodies]).swapaxes(0, 1)
     rotation = np.array([s.R for s in ends])
     return [_row("position", "m", core, place, sys.length), _row("rotation matrix", "1", turned, rotation)]
 
