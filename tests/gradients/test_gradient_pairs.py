@@ -24,6 +24,9 @@ from mbrs.system.state import state_of
 from motion_models import silent
 
 TIMES = np.array([0.0, 0.03, 0.045, 0.09, 0.12])
+# steps of "bdf": orders climb and fall, steps grow and shrink, and a history begins anew
+BDF_TIMES = np.cumsum([0, 1, 2, 2, 2, 3, 3, 3, 3, 2.5, 2.5, 4, 1, 1, 1.3, 1.3]) * 2e-3
+BDF_ORDERS = [-1, 1, 1, 2, 2, 3, 3, 3, 4, 4, 3, -1, 1, 1, 2]
 # knots of a spline inside a step make the explicit scheme drift, and its derivative leaves out terms of the size of the drift
 # the differences move it into a step
 AT_A_STEP = {("drive_table", scheme): "motor.t[1]" for scheme in ("explicit", "radau")}
@@ -43,7 +46,9 @@ def run_of(m, x, scheme, times=TIMES):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         state = state_of(m, system, None, hold=False)
-    return Run(m, Snapshot(m, system, snapshot.versions, snapshot.tables), state, (), times, scheme=scheme)
+    orders = BDF_ORDERS if times is BDF_TIMES else ()
+    own = Snapshot(m, system, snapshot.versions, snapshot.tables)
+    return Run(m, own, state, (), times, scheme=scheme, orders=orders)
 
 
 def asked_of(m):
@@ -60,12 +65,14 @@ def values(m, x, asked, scheme, times):
 
 def times_of(name, scheme):
     """Ends of the steps."""
+    if scheme == "bdf":
+        return BDF_TIMES
     times = THROUGH_KNOTS.get((name, scheme), TIMES)
     parts = PARTS.get(name, 1) if scheme == "radau" else 1
     return np.unique([np.linspace(a, b, parts + 1) for a, b in itertools.pairwise(times)])
 
 
-PAIRS = [(name, scheme) for name in SCENES for scheme in ("ali3p", "generalized-alpha", "explicit", "radau")]
+PAIRS = [(name, scheme) for name in SCENES for scheme in ("ali3p", "generalized-alpha", "explicit", "radau", "bdf")]
 
 
 @pytest.mark.slow

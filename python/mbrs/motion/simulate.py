@@ -373,9 +373,9 @@ def _penalised(method: str, penalty: Any, passes: Any, parameters: Any) -> dict[
 
 
 def _with_sensitivities(method: str) -> str:
-    if method not in ("auto", "explicit", "radau", "ali3p", "generalized-alpha"):
+    if method not in ("auto", "explicit", "radau", "bdf", "ali3p", "generalized-alpha"):
         raise ModelError(
-            f"method={method!r} has no sensitivities; those that have are method='explicit', 'radau', 'ali3p' and "
+            f"method={method!r} has no sensitivities; those that have are method='explicit', 'radau', 'bdf', 'ali3p' and "
             "'generalized-alpha', or leave parameters= out"
         )
     return "ali3p" if method == "auto" else method
@@ -456,6 +456,7 @@ def _trajectory(
         joints=made["joints"],
         steps=made["steps"],
         local_error=made["local_error"],
+        orders=tuple(int(k) for k in made["orders"]),
         method=made["method"],
         message=made["message"],
         snapshot=snapshot,
