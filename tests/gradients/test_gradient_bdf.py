@@ -66,9 +66,13 @@ def test_a_stiff_spring_beside_a_soft_one_has_its_closed_form(method):
     assert error < 1e-5
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("make", list(SMOOTH), ids=lambda f: f.__name__)
 def test_motion_and_derivatives_have_the_order_of_the_scheme(make):
-    """At twenty instants, and of an integral; the explicit scheme of order 8 with fine steps is exact beside them."""
+    """At twenty instants, and of an integral; the explicit scheme of order 8 with fine steps is exact beside them.
+
+    Steps are so short that the leading term alone counts: with four times as long ones orders of the loop are up to 4.8.
+    """
     m, names = silent(make), SMOOTH[make]
     body, psi = m.bodies[-1].name, mb.Integral(place(m))
 
@@ -85,7 +89,7 @@ def test_motion_and_derivatives_have_the_order_of_the_scheme(make):
 
     exact = run("explicit", 0.005)
     errors = [
-        [np.linalg.norm(np.asarray(a) - b) for a, b in zip(run("bdf", h), exact, strict=True)] for h in (0.005, 0.0025)
+        [np.linalg.norm(np.asarray(a) - b) for a, b in zip(run("bdf", h), exact, strict=True)] for h in (0.00125, 0.000625)
     ]
     orders = np.log2(np.divide(*errors))
     print(f"{make.__name__}: errors {errors[1]}, orders {orders}")
@@ -98,9 +102,10 @@ def test_differences_of_the_same_steps(make):
     names = SMOOTH[make]
     psi = mb.Integral(everything(m))
     slope = mb.gradient(m, psi, names, t=0.2, step=0.01, **BDF).gradient
-    error = worst(slope, differences(m, psi, names, t=0.2, step=0.01, **BDF))
+    # truncation of the differences, which falls with the fourth power, is below their rounding
+    error = worst(slope, differences(m, psi, names, part=2e-4, t=0.2, step=0.01, **BDF))
     print(f"{make.__name__}: differences {error:.1e}")
-    assert error < 1e-8
+    assert error < 1e-9
 
 
 @pytest.mark.parametrize("steps", [{"step": 0.005}, {"rtol": 1e-8}], ids=["step", "rtol"])
