@@ -89,7 +89,8 @@ def test_motion_and_derivatives_have_the_order_of_the_scheme(make):
 
     exact = run("explicit", 0.005)
     errors = [
-        [np.linalg.norm(np.asarray(a) - b) for a, b in zip(run("bdf", h), exact, strict=True)] for h in (0.00125, 0.000625)
+        [np.linalg.norm(np.asarray(a) - b) for a, b in zip(run("bdf", h), exact, strict=True)]
+        for h in (0.00125, 0.000625)
     ]
     orders = np.log2(np.divide(*errors))
     print(f"{make.__name__}: errors {errors[1]}, orders {orders}")
