@@ -24,8 +24,9 @@ from mbrs.system.state import state_of
 from motion_models import silent
 
 TIMES = np.array([0.0, 0.03, 0.045, 0.09, 0.12])
-# steps of "bdf": orders climb and fall, steps grow and shrink, and a history begins anew
-BDF_TIMES = np.cumsum([0, 1, 2, 2, 2, 3, 3, 3, 3, 2.5, 2.5, 4, 1, 1, 1.3, 1.3]) * 2e-3
+# steps of "bdf": orders climb and fall, steps grow and shrink, and a history begins anew; within a difference no start of a ramp and
+# no turn of a slider passes the end of a step, where the motion has no derivative
+BDF_TIMES = np.cumsum([0, 1, 2, 2, 2, 3, 3, 3, 3, 2.5, 2.5, 4, 1, 1, 1.3, 1.3]) * 3.1e-3
 BDF_ORDERS = [-1, 1, 1, 2, 2, 3, 3, 3, 4, 4, 3, -1, 1, 1, 2]
 # knots of a spline inside a step make the explicit scheme drift, and its derivative leaves out terms of the size of the drift
 # the differences move it into a step

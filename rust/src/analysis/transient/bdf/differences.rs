@@ -87,7 +87,8 @@ pub fn stretching(order: usize, factor: f64) -> DMatrix<f64> {
         }
         m
     };
-    (map(factor) * map(1.0)).transpose()
+    let (r, u) = (map(factor), map(1.0));
+    DMatrix::from_fn(order + 1, order + 1, |i, j| (0..=order).map(|k| r[(j, k)] * u[(k, i)]).sum())
 }
 
 /// Differences on a grid with steps longer by `factor`.
