@@ -184,12 +184,17 @@ def test_rotations_through_many_charts(steps):
         assert error < 1e-7
 
 
-def test_breaks_begin_a_history_anew():
-    """A load that is not smooth at a time: both ways agree, and with differences of the same steps."""
+def pushed():
     m = mb.Model("pushed", gravity=(0, 0, -9.81))
     a = m.body("a", mass=m.parameter("mass", 1.3), inertia=(0.1, 0.2, 0.3), at=(0.4, 0, 0))
     m.revolute("A", m.ground, a, at=(0, 0, 0), axis="y", k=m.parameter("k", 3.0), c=0.2)
     m.force("push", a, at=(0.8, 0, 0), value=(0, 0, mb.Ramp(6.0, start=0.2137)))
+    return m
+
+
+def test_breaks_begin_a_history_anew():
+    """A load that is not smooth at a time: both ways agree, and with differences of the same steps."""
+    m = pushed()
     psi, names = mb.Integral(lambda s: s.joint("A") ** 2), ["mass", "k"]
     for steps in ({"step": 0.02}, {"rtol": 1e-7}):
         found = [
@@ -199,6 +204,34 @@ def test_breaks_begin_a_history_anew():
     exact = mb.gradient(m, psi, names, t=0.8, rtol=1e-11, scheme="explicit").gradient
     print(f"error {worst(found[0], exact):.1e}")
     assert worst(found[0], exact) < 1e-5
+
+
+def test_given_times_beside_a_break():
+    """The history begins anew at the break all the same, and the times have steps of their own."""
+    m, start = silent(pushed), 0.2137
+    at = [2e-6, 3e-3, start - 2e-4, start + 1e-3, 0.5]
+    psi, names = mb.AtTimes(at, lambda s: s.joint("A")), ["mass", "k"]
+    exact = mb.gradient(m, psi, names, t=0.5, rtol=1e-11, scheme="explicit")
+    for way in ("direct", "adjoint"):
+        found = mb.gradient(m, psi, names, t=0.5, rtol=1e-8, method=way, **BDF)
+        error = worst(found.gradient, exact.gradient)
+        print(f"{way}: {len(found.t) - 1} steps, value {abs(found.value - exact.value):.1e}, error {error:.1e}")
+        assert np.all(np.isin([*at, start], found.t))
+        assert error < 1e-5
+        assert abs(found.value - exact.value) < 1e-6
+
+
+def test_a_step_that_counts_on_a_history_that_is_not_there_says_so():
+    m = silent(pushed)
+    x = np.array(Snapshot.of(m).tables["x"], dtype=float)
+    run = replace(run_of(m, x, "bdf", BDF_TIMES), times=np.array([0.0, 0.1, 0.2137, 0.3]))
+    for orders, text in (
+        ((1, 1, -1), "from t = 0 s"),
+        ((-1, 1, 1), r"from t = 0\.2137 s"),
+        ((-1, 1), "2 orders for 3"),
+    ):
+        with pytest.raises(mb.errors.ModelError, match=text):
+            replace(run, orders=orders).direct(asked_of(m), None)
 
 
 def test_a_trajectory_has_its_derivatives_over_time():

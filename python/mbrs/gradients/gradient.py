@@ -337,8 +337,8 @@ def prepare(
             run["max_step"] = 0.9 * float(np.diff(marks).min())
         traj = simulate(m, marks, **run, **_as_method(kind))
         if multistep:
-            orders = tuple(traj.orders)
-            times = _drawn_to(traj.steps, marks, _core.motion_breaks(snapshot.system, state.t))
+            breaks = _core.motion_breaks(snapshot.system, state.t)
+            times, orders = _drawn_to(traj.steps, traj.orders, marks, breaks, slack)
         else:
             times = _with_marks(traj.steps, marks)
     inner = any(isinstance(o, Integral) for o in objectives)
@@ -366,17 +366,31 @@ def _with_marks(steps: np.ndarray, marks: np.ndarray) -> np.ndarray:
     return np.unique(np.concatenate([steps[far], marks]))
 
 
-def _drawn_to(steps: np.ndarray, marks: np.ndarray, breaks: Sequence[float]) -> np.ndarray:
-    """As many steps, the nearest of which end at the marks: lengths and orders of a history go on evenly."""
-    fixed = {0: steps[0], **{int(i): steps[i] for i in np.flatnonzero(np.isin(steps, breaks))}}
-    for mark in marks:
+def _drawn_to(
+    steps: np.ndarray, orders: Sequence[int], marks: np.ndarray, breaks: Sequence[float], near: float
+) -> tuple[np.ndarray, tuple[int, ...]]:
+    """The same steps, the nearest of which end at the marks: lengths and orders of a history go on evenly.
+
+    The start and the breaks stay where they are: a mark that is nearest to one of them has a step of its own.
+    """
+    held = {0, *np.flatnonzero(np.isin(steps, breaks)).tolist()}
+    ends, own = {i: float(steps[i]) for i in held}, []
+    for mark in marks.tolist():
         nearest = int(np.abs(steps - mark).argmin())
-        fixed[max(nearest, 1)] = mark
-    places = sorted(fixed)
-    ends = [fixed[i] for i in places]
-    moved = np.interp(steps, steps[places], ends)
-    moved[places] = ends
-    return moved
+        if nearest not in held or abs(mark - steps[nearest]) <= near:
+            ends[nearest] = mark
+        else:
+            own.append(mark)
+    places = sorted(ends)
+    times = np.interp(steps, steps[places], [ends[i] for i in places])
+    times[places] = [ends[i] for i in places]
+    kinds = list(orders)
+    for mark in own:
+        i = int(np.searchsorted(times, mark))
+        times = np.insert(times, i, mark)
+        # the other part of a step that begins a history goes on at its order
+        kinds.insert(i, abs(kinds[i - 1]))
+    return times, tuple(kinds)
 
 
 def _as_method(kind: dict[str, Any]) -> dict[str, Any]:

@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use crate::error::{Error, Result};
 use crate::integrate::ali3p::Weight;
-use crate::integrate::bdf::record::{Kind, START};
+use crate::integrate::bdf::record::{Kind, RATES, START};
 use crate::integrate::methods::explicit_serves;
 use crate::integrate::{Equations, Instant, Motion};
 use crate::multibody::System;
@@ -176,10 +176,19 @@ fn kinds(system: &System, rule: Rule, times: &[f64], orders: &[i32]) -> Result<V
         return Ok(Kind::fixed(times, &system.kinks(times[0])));
     }
     let all: Vec<Kind> = orders.iter().map(|o| Kind::of(*o)).collect();
-    if all.len() + 1 != times.len() || all[0] != Kind::Rates {
-        return Err(Error::model("the orders of the steps do not fit their times"));
+    if all.len() + 1 != times.len() {
+        return Err(Error::model(format!("bdf has {} orders for {} steps", all.len(), times.len() - 1)));
     }
-    Ok(all)
+    let breaks = system.kinks(times[0]);
+    let bare = |i: &usize| *i == 0 || breaks.contains(&times[*i]) || all[*i - 1] == Kind::Start;
+    match (0..all.len()).find(|i| bare(i) && matches!(all[*i], Kind::Goes(_))) {
+        None => Ok(all),
+        Some(i) => Err(Error::model(format!(
+            "the step of bdf from t = {} s has no history, since the motion begins there or a load or a drive is not smooth; \
+             its order is {RATES} (from rates) or {START} (by another method)",
+            times[i]
+        ))),
+    }
 }
 
 /// Does the explicit scheme serve a motion from this state to `end`, with fixed steps of length `step` if one is given?

@@ -2,7 +2,7 @@
 //! generalised-alpha, of the explicit Runge-Kutta method of order eight, of Radau IIA of order five and of backward differences.
 //!
 //! Steps, iteration counts and multiplier updates are those of the motion itself: every step is the solution of three implicit
-//! systems (`transient::ali3p`, `alpha`), each differentiated by the implicit function theorem with the matrices of the step, or a
+//! systems (`integrate::ali3p`, `alpha`), each differentiated by the implicit function theorem with the matrices of the step, or a
 //! row of explicit stages (`runge_kutta`), or stages that are solved for together (`stages`).
 //!
 //! | file | |

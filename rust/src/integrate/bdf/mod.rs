@@ -201,7 +201,7 @@ impl Bdf {
         self.history = Some(History { t: from.motion.t, h, chart: from.motion.clone(), d, equal: 0, made: h });
     }
 
-    /// The next of the equal first steps; none where they are through, or their end came before.
+    /// The next of the equal first steps; none where they are through.
     fn first_step(
         &mut self,
         eq: &Equations<'_, f64>,
