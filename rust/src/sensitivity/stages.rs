@@ -241,6 +241,8 @@ pub struct Coupled {
     pub linear: Vec<Linear>,
     /// unknowns: accelerations of all stages, then changes of states beyond those at the start; multipliers of all stages
     pub system: Kkt,
+    /// what equations of rows are divided by: rows of rates follow from accelerations by the length of the step
+    pub rows_by: f64,
 }
 
 impl Coupled {
@@ -254,12 +256,19 @@ impl Coupled {
         let parts: Vec<Parts> = (0..chart.stages()).map(|i| part(i, counts)).collect();
         let maps: Vec<Maps> = by.all.iter().map(|own| eq.rotation_maps(&own.increment)).collect();
         counts.add("factorisations", 1);
-        let system = assembled(eq, probe.rows, &chart, &parts, &maps)?;
-        Ok(Coupled { chart, linear: parts.into_iter().map(|p| p.linear).collect(), system })
+        let rows_by = if probe.rows == Rows::Rates { chart.weights[(0, 0)] } else { 1.0 };
+        let system = assembled(eq, (probe.rows, rows_by), &chart, &parts, &maps)?;
+        Ok(Coupled { chart, linear: parts.into_iter().map(|p| p.linear).collect(), system, rows_by })
     }
 }
 
-fn assembled(eq: &Equations<'_, f64>, level: Rows, chart: &Chart, parts: &[Parts], maps: &[Maps]) -> Result<Kkt> {
+fn assembled(
+    eq: &Equations<'_, f64>,
+    (level, rows_by): (Rows, f64),
+    chart: &Chart,
+    parts: &[Parts],
+    maps: &[Maps],
+) -> Result<Kkt> {
     let (s, n, rows) = (chart.stages(), eq.n(), eq.n_rows());
     let k = parts[0].by_states.ncols();
     let mut a = DMatrix::zeros(s * (n + k), s * (n + k));
@@ -279,7 +288,7 @@ fn assembled(eq: &Equations<'_, f64>, level: Rows, chart: &Chart, parts: &[Parts
         let slope = turned(&own.states[0]);
         for j in 0..s {
             a.view_mut((i * n, j * n), (n, n)).copy_from(&chart.block(&damping, &stiffness, i, j));
-            let by_row = chart.block(&own.rows[1], &row_stiffness, i, j);
+            let by_row = chart.block(&own.rows[1], &row_stiffness, i, j) / rows_by;
             right.view_mut((i * rows, j * n), (rows, n)).copy_from(&by_row);
             // the rates of states at stage i are summed up in all stages
             let moved = chart.block(&own.states[1], &slope, i, j);

@@ -126,6 +126,7 @@ fn differentiated(
         }
     }
     let (u, w) = coupled.system.solve_transposed(&f, &g)?;
+    let w = w / coupled.rows_by;
     let spread = |i: usize| {
         let mut out = DMatrix::zeros(all.z[i].nrows(), 1);
         probe.states.iter().enumerate().for_each(|(p, place)| out[*place] = u[s * n + i * k + p]);

@@ -101,7 +101,7 @@ impl Along<'_> {
                         Rows::Rates => chunk.row_rates(at, &mut open),
                     }
                 }
-                g.rows_mut(i * rows, rows).copy_from(&-open);
+                g.rows_mut(i * rows, rows).copy_from(&(-open / coupled.rows_by));
             }
             if k > 0 {
                 rates.push(self.rates(&own.at));
