@@ -348,6 +348,7 @@ def _trajectory(
         joints=made["joints"],
         steps=made["steps"],
         local_error=made["local_error"],
+        orders=tuple(int(k) for k in made["orders"]),
         method=made["method"],
         message=made["message"],
         snapshot=snapshot,

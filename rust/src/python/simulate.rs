@@ -156,6 +156,7 @@ fn put_run<'py>(py: Python<'py>, run: &Run) -> PyResult<Bound<'py, PyDict>> {
     out.set_item("multipliers", rows(&|o| &o.instant.lam))?;
     out.set_item("joints", rows(&|o| &o.joints))?;
     out.set_item("steps", run.steps.clone().into_pyarray(py))?;
+    out.set_item("orders", run.formulas.clone().into_pyarray(py))?;
     out.set_item("local_error", run.local.clone().into_pyarray(py))?;
     out.set_item("rejected", run.rejected)?;
     let (status, t, message) = match &run.end {

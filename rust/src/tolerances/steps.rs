@@ -59,10 +59,6 @@ pub const SLIDER_TURNS: f64 = 1e-13;
 /// are central, of a smooth map alone. Larger: truncation. Smaller: rounding. Only what is read between steps depends on it.
 pub const INTERPOLATED: f64 = 1e-5;
 
-/// Local error of the motion that starts fixed steps of a multistep method, as a relative tolerance. Larger: the start spoils the measured
-/// order. Smaller: long starts.
-pub const START: f64 = 1e-11;
-
 /// Error of a start step of bdf-bfgs, characteristic lengths or radians: for fixed steps; and the least under a tolerance. Larger: the start
 /// shows in the error. Smaller: rounding divides start steps without end.
 pub const START_ERROR: f64 = 1e-10;
