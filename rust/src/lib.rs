@@ -4,9 +4,10 @@
 //! M(q) v' + Phi_q^T lam + D^T mu = Q(t, q, v),   Phi(t, q) = 0,   D(q) v + d(t, q) = 0,   q' = N(q) v
 //! M x" + (C + G) x' + (K + N) x + sum_e w_e law_e(w_e.x, w_e.x') = f_e(t)
 //! ```
-//! `expressions` evaluates programs of parameters and of users' functions, `model` reads the Tables, `kinematics` relates two markers, `system` assembles and linearises, `analysis` solves, `aero` is the air around it;
-//! `python` is the only door to Python. Modules are private: what Rust programs may use, from Tables to modes and transfer functions, is
-//! named below.
+//! `expressions` evaluates programs of parameters and of users' functions, `model` reads the Tables, `kinematics` relates two markers,
+//! `constraint` and `multibody` assemble, `linearize` makes the matrices of `second_order`; `equilibrium`, `integrate` and `periodic`
+//! solve, `sensitivity` differentiates, `designs` repeats, `aero` is the air around it; `python` is the only door to Python. Modules are
+//! private: what Rust programs may use, from Tables to modes and transfer functions, is named below.
 #![warn(missing_docs)]
 // the border uses most of the core; without it dead code cannot be told
 #![cfg_attr(not(feature = "python"), allow(dead_code, unused_imports))]

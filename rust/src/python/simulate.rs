@@ -68,7 +68,7 @@ fn plan(options: &Bound<'_, PyDict>) -> PyResult<Plan> {
 /// Square matrices of the tree coordinates that a motion holds at most: mass, iteration matrix, its factors and their products.
 const MATRICES: f64 = 10.0;
 
-/// A run from a state. `options`: method, end, step or rtol, outputs, breaks, t, memory, ...; see mbrs/motion/simulate.py.
+/// A run from a state. `options`: method, end, step or rtol, outputs, breaks, t, memory, ...; see mbrs/motion/options.py.
 #[pyfunction]
 #[pyo3(signature = (system, q, rate, without, options, report=None))]
 fn simulate_motion<'py>(
