@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -29,19 +29,18 @@ class Lags:
 
     def at(self, places: Any) -> Lags:
         """At some azimuths."""
-        four = (x[places] for x in (self.effect, self.by_place, self.by_rate, self.own))
-        return Lags(*four, self.turning, self.names)
+        return replace(
+            self,
+            effect=self.effect[places],
+            by_place=self.by_place[places],
+            by_rate=self.by_rate[places],
+            own=self.own[places],
+        )
 
     def kept(self, places: np.ndarray) -> Lags:
         """With some coordinates."""
-        return Lags(
-            self.effect[:, places],
-            self.by_place[:, :, places],
-            self.by_rate[:, :, places],
-            self.own,
-            self.turning,
-            self.names,
-        )
+        P, R = self.by_place[:, :, places], self.by_rate[:, :, places]
+        return replace(self, effect=self.effect[:, places], by_place=P, by_rate=R)
 
     def weighed(self, weight: np.ndarray) -> tuple[np.ndarray, ...]:
         """E, P, R and A between the azimuths."""
@@ -130,7 +129,8 @@ class Periodic:
         M, D, S = (x[None] for x in self.mean)
         lags = self.lags
         if lags is not None:
-            lags = Lags(*(x[None] for x in lags.mean), lags.turning, lags.names)
+            E, P, R, A = (x[None] for x in lags.mean)
+            lags = Lags(E, P, R, A, lags.turning, lags.names)
         means = Periodic(M, D, S, self.period, lags)
         averaged, V = np.linalg.eig(means.state_matrices(np.zeros(1))[0])
         back = np.linalg.pinv(V)

@@ -239,14 +239,14 @@ class _Lag:
             drive[k] = (R[:, at] * unit)[:, None, :] * d[k][None, :, None]
             drive[k, :, k] += (one["by_place"] @ Tk + R @ W)[:, at] * unit
             effect[k] = (Tk.T @ one["effect"])[at] * unit[:, None]
-        drive = drive.reshape(n, m, -1)
+        drives = drive.reshape(n, m, -1)
         part = connected(np.abs(own).max(axis=0) > 0.0)
         for c in range(int(part.max()) + 1):
             mine = np.flatnonzero(part == c)
             size = n * len(mine)
             K = np.einsum("kl,ij->kilj", d, np.eye(len(mine)))
             K[np.arange(n), :, np.arange(n), :] -= own[:, mine[:, None], mine]
-            right = np.concatenate([-self.miss[:, mine].reshape(size, 1), drive[:, mine].reshape(size, -1)], axis=1)
+            right = np.concatenate([-self.miss[:, mine].reshape(size, 1), drives[:, mine].reshape(size, -1)], axis=1)
             found = np.linalg.solve(K.reshape(size, size), right).reshape(n, len(mine), -1)
             alone[:, mine], along[:, mine] = found[:, :, 0], found[:, :, 1:]
         return alone, along, effect
