@@ -114,6 +114,18 @@ def test_reuse_of_the_inverse_over_steps():
     assert per_step < 8
 
 
+def test_most_last_steps_are_not_evaluated():
+    """What iterations left of the norm lately tells what the last one leaves, so that a step ends with one evaluation less."""
+    counts = run(two_links(), 1.0, 5e-3, "symmetric", "bfgs").stats.counts
+    steps, tried = counts["steps"], counts["iterations"]
+    print(
+        f"{counts['steps not evaluated']} of {steps} steps, {counts['residual evaluations']} evaluations, {tried} iterations"
+    )
+    assert counts["steps not evaluated"] > 0.7 * steps
+    # without it an iteration more than evaluations of every step, and those of the formations
+    assert counts["residual evaluations"] < tried + 0.3 * steps + 20 * counts["inverse formations"]
+
+
 def test_bfgs_belongs_to_the_symmetric_form():
     """Of a nonsymmetric inverse BFGS loses what it had: H+ = H + s (s - H^T y)^T/(y^T s) even if H y = s."""
     formed = {}

@@ -81,6 +81,7 @@ HOMES: Mapping[str, str] = {
     "NonlinearSystem": "nonlinear.system",
     "State": "system.state",
     "Orbit": "system.state",
+    "Lags": "linear.floquet",
     "Periodic": "linear.floquet",
     "Port": "model.ports",
     "Directions": "model.tables",

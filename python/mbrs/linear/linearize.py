@@ -104,6 +104,11 @@ def averaged(snapshot: Snapshot, state: State, without: tuple[str, ...], start: 
     found = linearization_at(snapshot, state, matrices_at(snapshot, state, without), without, start, warn=False)
     turn = orbit_matrices(snapshot, state.orbit, without, found.coordinates)
     M, D, S = turn.mean
+    if turn.lags is not None:
+        # states of the air come to rest in a linearisation, each in its blade
+        E, P, R, A = turn.lags.mean
+        A = A + turn.lags.turning
+        D, S = D + E @ np.linalg.solve(A, R), S + E @ np.linalg.solve(A, P)
     parts = {
         "M": 0.5 * (M + M.T),
         "C": 0.5 * (D + D.T),

@@ -193,6 +193,7 @@ def _dense(
     if states is not None:
         with core_errors():
             r = relaxing_modes(system, states, (damping, gyroscopic), (stiffness, circulatory))
+        r["error"] = r["error"] + _dropped_by_means(system, r)
         return modal_result(system, r if shift is None or n is None else _nearest(r, n, shift), n, effects, start)
     try:
         with core_errors(), call_progress(f"modes of {len(mass)} coordinates", 100.0 * len(mass) ** 3):

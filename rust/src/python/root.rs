@@ -128,6 +128,7 @@ fn root_solve<'py>(
     };
     let defaults = Options::default();
     let options = Options {
+        left: None,
         family: if broyden { Family::Broyden } else { Family::Bfgs },
         tolerance,
         max_iterations: limits.0,

@@ -12,7 +12,7 @@ use crate::constraint::loops::redundant_names;
 use crate::equilibrium::{Equilibrium, equilibrium};
 use crate::error::{Error, Result};
 use crate::integrate::{Equations, Motion};
-use crate::linearize::air_states::air_states;
+use crate::linearize::air_states::{air_states, holding};
 use crate::linearize::parts::{Parts, motion_scale, parts};
 use crate::linearize::reactions::reactions;
 use crate::linearize::{Linearization, Setting, linearize, mobility};
@@ -328,8 +328,9 @@ impl PySystem {
     }
 
     /// `acceleration` (n_tree,) of the tree coordinates where their rates do not stay, or empty. `turn` (dof, dof): the axes of a steady
-    /// motion. `raw`: D and S as they are assembled, in place of C, G, K and N.
-    #[pyo3(signature = (q, rate, without, memory=Vec::new(), acceleration=Vec::new(), turn=None, raw=false))]
+    /// motion. `raw`: D and S as they are assembled, in place of C, G, K and N. `held`: states of the air that are held there, in the order of
+    /// `air_states`; none are at rest.
+    #[pyo3(signature = (q, rate, without, memory=Vec::new(), acceleration=Vec::new(), turn=None, raw=false, held=Vec::new()))]
     #[allow(clippy::too_many_arguments)]
     fn linearize<'py>(
         &self,
@@ -341,10 +342,15 @@ impl PySystem {
         acceleration: Vec<f64>,
         turn: Option<PyReadonlyArray2<'py, f64>>,
         raw: bool,
+        held: Vec<f64>,
     ) -> PyResult<Bound<'py, PyDict>> {
         let state = state_of(&self.0, &q, &rate)?;
         let effects = effects(&without)?;
-        let memory = super::direction::remembered(&self.0, &memory)?;
+        let memory = if held.is_empty() {
+            super::direction::remembered(&self.0, &memory)?
+        } else {
+            holding(&self.0.topology, &held)
+        };
         fits(&self.0, "a linearisation", LINEARIZATION)?;
         if !acceleration.is_empty() && acceleration.len() != self.0.n_tree() {
             let n = self.0.n_tree();
@@ -489,8 +495,8 @@ impl PySystem {
         })
     }
 
-    /// States of sections in the air about a linearised state, see `analysis::air_states`; None without any.
-    #[pyo3(signature = (q, rate, without, acceleration=Vec::new(), turn=None))]
+    /// States of sections in the air about a linearised state, see `linearize::air_states`; None without any. `held`: states that do not rest.
+    #[pyo3(signature = (q, rate, without, acceleration=Vec::new(), turn=None, held=None))]
     fn air_states<'py>(
         &self,
         py: Python<'py>,
@@ -499,13 +505,14 @@ impl PySystem {
         without: Vec<String>,
         acceleration: Vec<f64>,
         turn: Option<PyReadonlyArray2<'py, f64>>,
+        held: Option<Vec<f64>>,
     ) -> PyResult<Option<Bound<'py, PyDict>>> {
         let state = state_of(&self.0, &q, &rate)?;
         let effects = effects(&without)?;
         let turn = turn.as_ref().map(table);
         let found = run(py, &self.0, move |system, _| {
             let setting = Setting { system, state: &state, memory: &[], acceleration: &acceleration, effects };
-            air_states(&setting, turn.as_ref())
+            air_states(&setting, turn.as_ref(), held.as_deref())
         })?;
         let Some(found) = found else { return Ok(None) };
         let out = PyDict::new(py);
@@ -515,6 +522,10 @@ impl PySystem {
             out.set_item(name, array(m).into_pyarray(py))?;
         }
         out.set_item("air", found.air)?;
+        out.set_item("section", found.section)?;
+        out.set_item("memory", holding(&self.0.topology, &found.value).into_pyarray(py))?;
+        out.set_item("value", found.value.into_pyarray(py))?;
+        out.set_item("rate", found.rate.into_pyarray(py))?;
         Ok(Some(out))
     }
 
