@@ -15,7 +15,6 @@ from .._lib.border import core_errors
 from ..system.air_flow import FLOW, flows
 from ..system.snapshot import Snapshot
 from ..system.state import State
-from .multiblade import multiblade
 
 # How far the azimuth of a blade may be from even spacing, over the spacing: blades that lag for themselves stay in their places.
 # Larger: uneven blades are taken together. Smaller: blades in slanting wind are not. Pinned by tests/linear/test_states_in_turning_axes.py.
@@ -91,11 +90,9 @@ def _ring_generator(place: np.ndarray, spin: np.ndarray) -> np.ndarray | None:
     order = np.argsort(angle)
     if np.max(np.abs(angle[order] * n / (2 * np.pi) - np.arange(n))) > _EVEN:
         return None
-    psi = 2 * np.pi * np.arange(n) / n
-    patterns = multiblade(np.eye(n), np.broadcast_to(psi, (n, n)), inverse=True).T  # d = patterns u
-    turning = np.zeros((n, n))
-    for k in range(1, (n - 1) // 2 + 1):
-        turning[2 * k - 1, 2 * k], turning[2 * k, 2 * k - 1] = k, -k
+    # patterns cos k psi and sin k psi of (8.4), turning k times as fast as the blades
+    k = np.arange(1, (n - 1) // 2 + 1)
+    apart = 2 * np.pi * (np.arange(n)[:, None] - np.arange(n)) / n
     V = np.zeros((n, n))
-    V[np.ix_(order, order)] = speed * patterns @ turning @ np.linalg.inv(patterns)
+    V[np.ix_(order, order)] = -2.0 * speed / n * (np.sin(apart[:, :, None] * k) @ k)
     return V
