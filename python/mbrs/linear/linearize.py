@@ -131,11 +131,7 @@ def linearization_at(
         )
     on = tuple(e for e in effects(model).on if e not in without)
     return Linearization(
-        M=r["M"],
-        C=r["C"],
-        G=r["G"],
-        K=r["K"],
-        N=r["N"],
+        core=r["second_order"],
         coordinates=tuple(r["coordinates"]),
         T=r["T"],
         bodies=tuple(snapshot.tables["body_name"]),
@@ -155,7 +151,7 @@ def linearization_at(
 def _unbalance(r: dict[str, Any]) -> str:
     """The coordinate that a state off balance sets in motion most, and how much."""
     try:
-        acceleration = np.linalg.solve(r["M"], r["residual"])
+        acceleration = np.linalg.solve(r["second_order"].M, r["residual"])
     except np.linalg.LinAlgError:  # a coordinate without inertia
         worst = int(np.argmax(np.abs(r["residual"])))
         return f"{r['residual'][worst]:.3g} N or N m are unbalanced at {r['coordinates'][worst]!r}"

@@ -2,18 +2,17 @@
 //!
 //! Reduced once, then cheap per frequency, by the cheapest route that passes a check against refined direct solves:
 //! real modes (undamped or proportional) O(n) per entry, complex modes O(n), Hessenberg O(n^2), direct O(n^3).
-use std::sync::OnceLock;
-
 use faer::{Mat, c64};
 
+use super::expansion::{ComplexModes, Expansion, RealModes};
 use super::frf_routes::{Check, Evaluator, input_mix};
 use super::frf_singular;
-use super::modes_of::{ComplexModes, RealModes, complex_modes, quadratic_roots, real_modes};
+use super::linear_system::LinearSystem;
 use super::ports::{Ports, complex, i_omega};
 use super::state::StateSpace;
 use crate::error::{Error, Result};
 use crate::linalg::hessenberg::Hessenberg;
-use crate::linalg::quadratic::{NormalForm, Quadratic};
+use crate::linalg::quadratic::NormalForm;
 use crate::run::{Cancel, Counts};
 use crate::tolerances::frequency_response::{ACCEPTED, SAME_POLE, SLOWEST_CHECK, WORST_ACCEPTED};
 
@@ -39,17 +38,6 @@ impl Route {
     }
 }
 
-/// Everything that does not depend on frequency or ports.
-pub struct Reduction {
-    pub(crate) q: Quadratic,
-    pub(crate) normal: Option<NormalForm>,
-    pub(crate) real: Option<RealModes>,
-    pub(crate) complex: Option<ComplexModes>,
-    hessenberg: OnceLock<Hessenberg>,
-    scale: Vec<f64>,
-    pub(crate) counts: Counts,
-}
-
 pub struct Values {
     /// (n_out, n_in, n_freq), last index fastest
     pub h: Vec<c64>,
@@ -61,46 +49,17 @@ pub struct Values {
     pub counts: Counts,
 }
 
-impl Reduction {
-    /// What all frequencies share: the normal form, and modes where these are accurate. O(n^3).
-    pub fn new(q: Quadratic) -> Result<Self> {
-        let mut counts = Counts::default();
-        let normal = q.normal_form();
-        let mut real = None;
-        let mut complex = None;
-        if let Some(form) = &normal {
-            if form.is_symmetric() {
-                counts.add("eigensolutions", 1);
-                real = real_modes(form)?;
-            }
-            if real.is_none() {
-                counts.add("eigensolutions", 1);
-                complex = complex_modes(form);
-            }
-        }
-        Ok(Reduction { scale: q.unit_scale(), q, normal, real, complex, hessenberg: OnceLock::new(), counts })
-    }
-
-    /// All 2n poles in rad/s, or None where no reduction was possible.
-    pub fn poles(&self) -> Option<Vec<c64>> {
-        if let Some(modes) = &self.real {
-            let pairs = modes.lambda.iter().zip(&modes.damping);
-            return Some(pairs.flat_map(|(&l, &c)| quadratic_roots(l, c)).collect());
-        }
-        self.complex.as_ref().map(|modes| modes.pole.clone())
-    }
-
-    fn routes(&self, ports: &Ports) -> Vec<Route> {
+impl LinearSystem {
+    fn routes(&self, expansion: &Expansion, ports: &Ports) -> Vec<Route> {
         let mut routes = Vec::new();
-        if self.real.is_some() {
-            routes.push(Route::RealModes);
-        }
-        if self.complex.as_ref().is_some_and(|m| m.condition < WORST_VECTORS) {
-            routes.push(Route::ComplexModes);
+        match expansion {
+            Expansion::Real(_) => routes.push(Route::RealModes),
+            Expansion::Complex(modes) if modes.condition < WORST_VECTORS => routes.push(Route::ComplexModes),
+            _ => {}
         }
         // per frequency 4 n^2 (1 + outputs) operations against n^3 of a factorisation that runs about eight times faster
-        let worth_reducing = self.q.n() > 22 * (1 + ports.n_out());
-        if self.normal.is_some() && self.real.is_none() && worth_reducing {
+        let worth_reducing = self.size() > 22 * (1 + ports.n_out());
+        if !matches!(expansion, Expansion::Real(_)) && worth_reducing && self.normal().is_some() {
             routes.push(Route::Hessenberg);
         }
         routes.push(Route::Direct);
@@ -117,7 +76,7 @@ impl Reduction {
         checked: bool,
         cancel: &Cancel,
     ) -> Result<Values> {
-        ports.check(self.q.n())?;
+        ports.check(self.size())?;
         if ports.n_out() == 0 || ports.n_in() == 0 {
             return Err(Error::model("a transfer function needs at least one input and one output"));
         }
@@ -125,7 +84,8 @@ impl Reduction {
             return Err(Error::model("omega contains NaN or infinite values"));
         }
         let mut counts = Counts::default();
-        let samples = if checked { self.samples(omega) } else { Vec::new() };
+        let expansion = self.expansion(&mut counts);
+        let samples = if checked { samples(expansion, omega) } else { Vec::new() };
         let checks = self.references(ports, omega, &samples, &mut counts);
         let measured = |evaluator: &Evaluator<'_>| {
             let distances = checks.iter().map(|check| check.distance(evaluator.at(omega[check.index])));
@@ -133,11 +93,11 @@ impl Reduction {
         };
         let (route, evaluator, error) = match keep {
             Some(keep) => {
-                let (route, evaluator) = self.truncated(ports, keep)?;
+                let (route, evaluator) = self.truncated(expansion, ports, keep)?;
                 let error = measured(&evaluator);
                 (route, evaluator, error)
             }
-            None => self.cheapest(ports, &checks, measured, &mut counts),
+            None => self.cheapest(expansion, ports, &checks, measured, &mut counts),
         };
         counts.add("frequencies", omega.len() as u64);
         let (h, singular) = self.sweep(&evaluator, ports, omega, &mut counts, cancel)?;
@@ -146,14 +106,15 @@ impl Reduction {
 
     fn cheapest<'a>(
         &'a self,
+        expansion: &Expansion,
         ports: &'a Ports,
         checks: &[Check],
         measured: impl Fn(&Evaluator<'_>) -> f64,
         counts: &mut Counts,
     ) -> (Route, Evaluator<'a>, f64) {
         let plain = checks.iter().map(|c| c.plain_error).fold(0.0, f64::max);
-        for route in self.routes(ports) {
-            let evaluator = self.prepare(route, ports, counts);
+        for route in self.routes(expansion, ports) {
+            let evaluator = self.prepare(route, expansion, ports, counts);
             let error = measured(&evaluator);
             if error.is_nan() || error <= (10.0 * plain).clamp(ACCEPTED, WORST_ACCEPTED) {
                 return (route, evaluator, error);
@@ -164,23 +125,25 @@ impl Reduction {
     }
 
     /// Real or complex modes of the `keep` smallest |s|, a conjugate pair counting as one.
-    fn truncated<'a>(&'a self, ports: &'a Ports, keep: usize) -> Result<(Route, Evaluator<'a>)> {
+    fn truncated<'a>(&'a self, expansion: &Expansion, ports: &'a Ports, keep: usize) -> Result<(Route, Evaluator<'a>)> {
         let refuse = |why: &str| Err(Error::model(format!("modes = {keep}: {why}")));
-        if keep == 0 || keep > self.q.n() {
-            return refuse(&format!("the system has {}", self.q.n()));
+        if keep == 0 || keep > self.size() {
+            return refuse(&format!("the system has {}", self.size()));
         }
-        match (&self.normal, &self.real, &self.complex) {
-            (_, Some(modes), _) => Ok((Route::RealModes, real_evaluator(modes, ports, keep))),
-            (Some(form), _, Some(modes)) if modes.condition < WORST_VECTORS => {
-                Ok((Route::ComplexModes, complex_evaluator(form, modes, ports, keep)))
-            }
+        match expansion {
+            Expansion::Real(modes) => Ok((Route::RealModes, real_evaluator(modes, ports, keep))),
+            Expansion::Complex(modes) if modes.condition < WORST_VECTORS => match self.normal() {
+                Some(form) => Ok((Route::ComplexModes, complex_evaluator(form, modes, ports, keep))),
+                None => refuse("its mass matrix is not positive definite"),
+            },
             _ => refuse("the system has no well-conditioned modes to sum up; leave modes= out"),
         }
     }
 
     /// Complex modes whose expansion agrees with refined direct solves from the slowest to the fastest motion.
     pub fn trusted_modes(&self, ports: &Ports, counts: &mut Counts) -> Option<&ComplexModes> {
-        let (modes, form) = (self.complex.as_ref()?, self.normal.as_ref()?);
+        let Expansion::Complex(modes) = self.expansion(counts) else { return None };
+        let form = self.normal()?;
         if modes.condition >= WORST_VECTORS {
             return None;
         }
@@ -189,7 +152,7 @@ impl Reduction {
         let slow = slow.max(SLOWEST_CHECK * fast);
         let omega: Vec<f64> = (0..5).map(|k| slow * (fast / slow).powf(k as f64 / 4.0)).collect();
         let checks = self.references(ports, &omega, &[0, 1, 2, 3, 4], counts);
-        let evaluator = complex_evaluator(form, modes, ports, self.q.n());
+        let evaluator = complex_evaluator(form, modes, ports, self.size());
         let good = |check: &Check| check.distance(evaluator.at(omega[check.index])) < WORST_ACCEPTED;
         checks.iter().all(good).then_some(modes)
     }
@@ -215,7 +178,11 @@ impl Reduction {
                     if is_singular {
                         singular.push(k);
                     }
-                    (value, true)
+                    // what only lies near a pole keeps the digits of the matrices themselves
+                    match if is_singular { None } else { self.direct(ports, 3).at(w) } {
+                        Some(refined) => (refined, false),
+                        None => (value, true),
+                    }
                 }
             };
             for i in 0..n_out {
@@ -234,37 +201,17 @@ impl Reduction {
         Ok((h, singular))
     }
 
-    /// Frequencies at which a route is compared with refined direct solves: of each third of them the one that lies nearest to a
-    /// pole, measured by its size, where any error is largest.
-    fn samples(&self, omega: &[f64]) -> Vec<usize> {
-        let mut poles: Vec<c64> = self.poles().unwrap_or_default();
-        poles.retain(|p| p.im > 0.0);
-        poles.sort_by(|a, b| a.im.total_cmp(&b.im));
-        let distance = |w: f64| {
-            let at = poles.partition_point(|p| p.im < w.abs());
-            let near = at.saturating_sub(1)..(at + 1).min(poles.len());
-            let relative = near.map(|k| (c64::new(0.0, w.abs()) - poles[k]).norm() / poles[k].norm());
-            relative.fold(f64::INFINITY, f64::min)
-        };
-        let third = omega.len().div_ceil(3).max(1);
-        let nearest = |part: usize| {
-            let range = part * third..((part + 1) * third).min(omega.len());
-            range.map(|k| (distance(omega[k]), k)).min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, k)| k)
-        };
-        (0..3).filter_map(nearest).collect()
-    }
-
     fn references(&self, ports: &Ports, omega: &[f64], samples: &[usize], counts: &mut Counts) -> Vec<Check> {
         let mix = input_mix(ports);
-        let load = Mat::from_fn(self.q.n(), 1, |i, _| {
+        let load = Mat::from_fn(self.size(), 1, |i, _| {
             let sum: f64 = mix.iter().enumerate().map(|(j, r)| ports.f[(i, j)] * r).sum();
             c64::new(sum, 0.0)
         });
         let mut checks = Vec::new();
         for &index in samples {
             counts.add("check solves", 1);
-            if let Some(solved) = self.q.solve(omega[index], load.as_ref(), &self.scale, 3) {
-                let motion = (0..self.q.n()).map(|i| solved.x[(i, 0)].norm() / self.scale[i]);
+            if let Some(solved) = self.quadratic().solve(omega[index], load.as_ref(), self.scale(), 3) {
+                let motion = (0..self.size()).map(|i| solved.x[(i, 0)].norm() / self.scale()[i]);
                 checks.push(Check {
                     index,
                     plain_error: solved.error,
@@ -281,17 +228,27 @@ impl Reduction {
     fn output_units(&self, ports: &Ports) -> Vec<f64> {
         (0..ports.n_out())
             .map(|i| {
-                let squares = (0..self.q.n()).map(|j| (ports.l[(i, j)] * self.scale[j]).powi(2));
+                let squares = (0..self.size()).map(|j| (ports.l[(i, j)] * self.scale()[j]).powi(2));
                 squares.sum::<f64>().sqrt()
             })
             .collect()
     }
 
-    fn prepare<'a>(&'a self, route: Route, ports: &'a Ports, counts: &mut Counts) -> Evaluator<'a> {
-        match (route, &self.normal, &self.real, &self.complex) {
-            (Route::RealModes, _, Some(modes), _) => real_evaluator(modes, ports, self.q.n()),
-            (Route::ComplexModes, Some(form), _, Some(modes)) => complex_evaluator(form, modes, ports, self.q.n()),
-            (Route::Hessenberg, Some(form), _, _) => {
+    fn prepare<'a>(
+        &'a self,
+        route: Route,
+        expansion: &Expansion,
+        ports: &'a Ports,
+        counts: &mut Counts,
+    ) -> Evaluator<'a> {
+        if let (Route::RealModes, Expansion::Real(modes)) = (route, expansion) {
+            return real_evaluator(modes, ports, self.size());
+        }
+        match (route, expansion, self.normal()) {
+            (Route::ComplexModes, Expansion::Complex(modes), Some(form)) => {
+                complex_evaluator(form, modes, ports, self.size())
+            }
+            (Route::Hessenberg, _, Some(form)) => {
                 let state = StateSpace::new(form, ports);
                 let reduced = self.hessenberg.get_or_init(|| {
                     counts.add("Hessenberg reductions", 1);
@@ -309,13 +266,33 @@ impl Reduction {
 
     fn direct<'a>(&'a self, ports: &'a Ports, refinements: usize) -> Evaluator<'a> {
         Evaluator::Direct {
-            q: &self.q,
-            scale: &self.scale,
+            q: self.quadratic(),
+            scale: self.scale(),
             l: complex(ports.l.as_ref()),
             f: complex(ports.f.as_ref()),
             refinements,
         }
     }
+}
+
+/// Frequencies at which a route is compared with refined direct solves: of each third of them the one that lies nearest to a
+/// pole, measured by its size, where any error is largest.
+fn samples(expansion: &Expansion, omega: &[f64]) -> Vec<usize> {
+    let mut poles: Vec<c64> = expansion.poles().unwrap_or_default();
+    poles.retain(|p| p.im > 0.0);
+    poles.sort_by(|a, b| a.im.total_cmp(&b.im));
+    let distance = |w: f64| {
+        let at = poles.partition_point(|p| p.im < w.abs());
+        let near = at.saturating_sub(1)..(at + 1).min(poles.len());
+        let relative = near.map(|k| (c64::new(0.0, w.abs()) - poles[k]).norm() / poles[k].norm());
+        relative.fold(f64::INFINITY, f64::min)
+    };
+    let third = omega.len().div_ceil(3).max(1);
+    let nearest = |part: usize| {
+        let range = part * third..((part + 1) * third).min(omega.len());
+        range.map(|k| (distance(omega[k]), k)).min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, k)| k)
+    };
+    (0..3).filter_map(nearest).collect()
 }
 
 fn real_evaluator<'a>(modes: &RealModes, ports: &Ports, keep: usize) -> Evaluator<'a> {
@@ -368,8 +345,9 @@ fn scaled(value: c64, factor: c64) -> c64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::second_order::linear_system::Matrices;
 
-    fn chain(n: usize, c: impl Fn(usize) -> f64) -> Quadratic {
+    fn chain(n: usize, c: impl Fn(usize) -> f64) -> LinearSystem {
         let tri = |i: usize, j: usize| match i.abs_diff(j) {
             0 => 2.0,
             1 => -1.0,
@@ -377,7 +355,7 @@ mod tests {
         };
         let m = Mat::identity(n, n);
         let d = Mat::from_fn(n, n, |i, j| if i == j { c(i) } else { 0.0 });
-        Quadratic::new(m, Some(d), Mat::from_fn(n, n, tri)).unwrap()
+        LinearSystem::new(Matrices { m, c: Some(d), g: None, k: Mat::from_fn(n, n, tri), n: None }).unwrap()
     }
 
     fn end_to_end(n: usize) -> Ports {
@@ -393,17 +371,16 @@ mod tests {
     #[test]
     fn each_damping_takes_its_route_and_agrees_with_direct_solves() {
         let omega: Vec<f64> = (0..40).map(|k| 0.05 * k as f64 + 0.01).collect();
-        let cases: [(Quadratic, Route); 3] = [
+        let cases: [(LinearSystem, Route); 3] = [
             (chain(12, |_| 0.0), Route::RealModes),
             (chain(12, |_| 0.03), Route::RealModes),
             (chain(12, |i| 0.01 * i as f64), Route::ComplexModes),
         ];
-        for (q, route) in cases {
-            let reduction = Reduction::new(q).unwrap();
-            let values = reduction.evaluate(&end_to_end(12), &omega, None, true, &Cancel::default()).unwrap();
+        for (system, route) in cases {
+            let values = system.evaluate(&end_to_end(12), &omega, None, true, &Cancel::default()).unwrap();
             assert_eq!(values.route, route);
             let ports = end_to_end(12);
-            let direct = reduction.direct(&ports, 3);
+            let direct = system.direct(&ports, 3);
             for (k, w) in omega.iter().enumerate() {
                 let expected = direct.at(*w).unwrap()[(0, 0)];
                 assert!((values.h[k] - expected).norm() < 1e-11 * expected.norm().max(1e-3));
@@ -422,12 +399,12 @@ mod tests {
             1 => -0.9,
             _ => 0.0,
         });
-        let reduction = Reduction::new(Quadratic::new(m, Some(d), s).unwrap()).unwrap();
+        let system = LinearSystem::new(Matrices { m, c: Some(d), g: None, k: s, n: None }).unwrap();
         let mut ports = end_to_end(n);
         ports.l = Mat::from_fn(1, n, |_, j| (j == 50) as u8 as f64);
         ports.f = Mat::from_fn(n, 1, |i, _| (i + 1 == n) as u8 as f64);
         let omega = [0.3, 1.0];
-        let values = reduction.evaluate(&ports, &omega, None, true, &Cancel::default()).unwrap();
+        let values = system.evaluate(&ports, &omega, None, true, &Cancel::default()).unwrap();
         assert_eq!(values.route, Route::Hessenberg);
         for (h, w) in values.h.iter().zip(omega) {
             // 1 / (1 + i w)^2 per oscillator, 0.9 per link
