@@ -104,15 +104,9 @@ def averaged(snapshot: Snapshot, state: State, without: tuple[str, ...], start: 
     found = linearization_at(snapshot, state, matrices_at(snapshot, state, without), without, start, warn=False)
     turn = orbit_matrices(snapshot, state.orbit, without, found.coordinates)
     M, D, S = turn.mean
-    parts = {
-        "M": 0.5 * (M + M.T),
-        "C": 0.5 * (D + D.T),
-        "G": 0.5 * (D - D.T),
-        "K": 0.5 * (S + S.T),
-        "N": 0.5 * (S - S.T),
-    }
-    kept = {name: part if name in "MK" or np.any(part) else None for name, part in parts.items()}
-    return found.replaced(**kept, residual=np.zeros(found.n), over_turn=turn)
+    with core_errors():
+        core = _core.SecondOrder(0.5 * (M + M.T), 0.5 * (D + D.T), 0.5 * (D - D.T), 0.5 * (S + S.T), 0.5 * (S - S.T))
+    return found.replaced(core=core, residual=np.zeros(found.n), over_turn=turn)
 
 
 def linearization_at(

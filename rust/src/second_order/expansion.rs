@@ -2,16 +2,17 @@
 use faer::prelude::*;
 use faer::{Mat, MatRef, c64};
 
-use super::modal::Modal;
+use super::modal::{Eigensolution, Modal};
 use super::ports::complex;
 use crate::linalg::quadratic::{NormalForm, is_finite_complex};
-use crate::tolerances::matrices::PIVOT;
 
 pub struct RealModes {
     /// (n, n) mass-normalised shapes and the squares of the natural frequencies; rigid modes are exactly zero
     pub shape: Mat<f64>,
     pub lambda: Vec<f64>,
     pub damping: Vec<f64>,
+    /// what rounding may hide in each of `lambda`
+    pub noise: Vec<f64>,
     pub pole: Vec<c64>,
 }
 
@@ -49,13 +50,21 @@ pub enum Expansion {
 }
 
 impl Expansion {
-    /// From all modes of the system that `form` belongs to; None where its mass matrix has a pivot of rounding.
-    pub fn new<'a>(modal: &Modal, form: impl FnOnce() -> Option<&'a NormalForm>) -> Self {
-        if !matches!(modal.route, "undamped" | "proportional") {
-            let found = form().and_then(|form| ComplexModes::new(form, modal));
-            return found.map_or(Expansion::None, Expansion::Complex);
-        }
-        if modal.mass_pivot > PIVOT { Expansion::Real(RealModes::new(modal)) } else { Expansion::None }
+    /// Modes that are uncoupled.
+    pub fn real(solved: &Eigensolution) -> Self {
+        let Some((pairs, shape)) = solved.uncoupled() else { return Expansion::None };
+        Expansion::Real(RealModes {
+            shape,
+            noise: solved.noise(),
+            lambda: pairs.iter().map(|(s, partner)| (s * partner).re).collect(),
+            damping: pairs.iter().map(|(s, partner)| -(s + partner).re).collect(),
+            pole: pairs.iter().flat_map(|(s, partner)| [*s, *partner]).collect(),
+        })
+    }
+
+    /// All modes of the system that `form`, if its mass matrix has one, belongs to.
+    pub fn complex(modal: &Modal, form: Option<&NormalForm>) -> Self {
+        form.and_then(|form| ComplexModes::new(form, modal)).map_or(Expansion::None, Expansion::Complex)
     }
 
     /// All 2n poles in rad/s.
@@ -64,18 +73,6 @@ impl Expansion {
             Expansion::Real(modes) => Some(modes.pole.clone()),
             Expansion::Complex(modes) => Some(modes.pole.clone()),
             Expansion::None => None,
-        }
-    }
-}
-
-impl RealModes {
-    fn new(modal: &Modal) -> Self {
-        let pairs = || modal.s.iter().zip(&modal.partner);
-        RealModes {
-            shape: Mat::from_fn(modal.shape.nrows(), modal.shape.ncols(), |i, j| modal.shape[(i, j)].re),
-            lambda: pairs().map(|(s, partner)| (s * partner).re).collect(),
-            damping: pairs().map(|(s, partner)| -(s + partner).re).collect(),
-            pole: pairs().flat_map(|(s, partner)| [*s, *partner]).collect(),
         }
     }
 }

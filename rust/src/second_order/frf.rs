@@ -2,22 +2,28 @@
 //!
 //! Reduced once, then cheap per frequency, by the cheapest route that passes a check against refined direct solves:
 //! real modes (undamped or proportional) O(n) per entry, complex modes O(n), Hessenberg O(n^2), direct O(n^3).
+use std::sync::Arc;
+
 use faer::{Mat, c64};
 
 use super::expansion::{ComplexModes, Expansion, RealModes};
-use super::frf_routes::{Check, Evaluator, input_mix};
+use super::frf_routes::{Check, Entries, Evaluator, Solution, input_mix};
 use super::frf_singular;
 use super::linear_system::LinearSystem;
 use super::ports::{Ports, complex, i_omega};
 use super::state::StateSpace;
 use crate::error::{Error, Result};
 use crate::linalg::hessenberg::Hessenberg;
-use crate::linalg::quadratic::NormalForm;
+use crate::linalg::quadratic::{Factored, NormalForm};
 use crate::run::{Cancel, Counts};
-use crate::tolerances::frequency_response::{ACCEPTED, SAME_POLE, SLOWEST_CHECK, WORST_ACCEPTED};
+use crate::tolerances::frequency_response::{
+    ACCEPTED, FEW, MOST_PORTS, SAME_POLE, SLOWEST_CHECK, WORST_ACCEPTED, ZERO_ENTRY,
+};
 
 /// Complex modes with worse conditioned vectors are not worth a check.
 const WORST_VECTORS: f64 = 1e7;
+/// Corrections of a direct solution.
+const REFINEMENTS: usize = 3;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Route {
@@ -87,8 +93,12 @@ impl LinearSystem {
         let expansion = self.expansion(&mut counts);
         let samples = if checked { samples(expansion, omega) } else { Vec::new() };
         let checks = self.references(ports, omega, &samples, &mut counts);
+        let limit = accepted(&checks);
         let measured = |evaluator: &Evaluator<'_>| {
-            let distances = checks.iter().map(|check| check.distance(evaluator.at(omega[check.index])));
+            let distances = checks.iter().map(|check| {
+                let w = omega[check.index];
+                check.distance(evaluator.at(w)).max(check.entries.distance(evaluator, w, limit))
+            });
             distances.fold(if checks.is_empty() { f64::NAN } else { f64::EPSILON }, f64::max)
         };
         let (route, evaluator, error) = match keep {
@@ -97,6 +107,7 @@ impl LinearSystem {
                 let error = measured(&evaluator);
                 (route, evaluator, error)
             }
+            None if omega.len() <= FEW && !checks.is_empty() => self.refined(ports, &checks),
             None => self.cheapest(expansion, ports, &checks, measured, &mut counts),
         };
         counts.add("frequencies", omega.len() as u64);
@@ -108,20 +119,24 @@ impl LinearSystem {
         &'a self,
         expansion: &Expansion,
         ports: &'a Ports,
-        checks: &[Check],
+        checks: &[Check<'_>],
         measured: impl Fn(&Evaluator<'_>) -> f64,
         counts: &mut Counts,
     ) -> (Route, Evaluator<'a>, f64) {
-        let plain = checks.iter().map(|c| c.plain_error).fold(0.0, f64::max);
         for route in self.routes(expansion, ports) {
             let evaluator = self.prepare(route, expansion, ports, counts);
             let error = measured(&evaluator);
-            if error.is_nan() || error <= (10.0 * plain).clamp(ACCEPTED, WORST_ACCEPTED) {
+            if error.is_nan() || error <= accepted(checks) {
                 return (route, evaluator, error);
             }
         }
+        self.refined(ports, checks)
+    }
+
+    /// Direct solves with corrections from exact residuals, which keep every entry.
+    fn refined<'a>(&'a self, ports: &'a Ports, checks: &[Check<'_>]) -> (Route, Evaluator<'a>, f64) {
         // each refinement contracts the error by what the first correction was
-        (Route::Direct, self.direct(ports, 3), plain.powi(4).max(f64::EPSILON))
+        (Route::Direct, self.direct(ports, REFINEMENTS), plain_error(checks).powi(4).max(f64::EPSILON))
     }
 
     /// Real or complex modes of the `keep` smallest |s|, a conjugate pair counting as one.
@@ -179,7 +194,7 @@ impl LinearSystem {
                         singular.push(k);
                     }
                     // what only lies near a pole keeps the digits of the matrices themselves
-                    match if is_singular { None } else { self.direct(ports, 3).at(w) } {
+                    match if is_singular { None } else { self.direct(ports, REFINEMENTS).at(w) } {
                         Some(refined) => (refined, false),
                         None => (value, true),
                     }
@@ -201,16 +216,30 @@ impl LinearSystem {
         Ok((h, singular))
     }
 
-    fn references(&self, ports: &Ports, omega: &[f64], samples: &[usize], counts: &mut Counts) -> Vec<Check> {
+    fn references<'a>(
+        &'a self,
+        ports: &'a Ports,
+        omega: &[f64],
+        samples: &[usize],
+        counts: &mut Counts,
+    ) -> Vec<Check<'a>> {
         let mix = input_mix(ports);
+        let (inputs, outputs) = (spread(ports.n_in()), spread(ports.n_out()));
         let load = Mat::from_fn(self.size(), 1, |i, _| {
             let sum: f64 = mix.iter().enumerate().map(|(j, r)| ports.f[(i, j)] * r).sum();
             c64::new(sum, 0.0)
         });
+        // each input, each output as an input
+        let each = Mat::from_fn(self.size(), inputs.len() + outputs.len(), |i, j| {
+            let own = j < inputs.len();
+            c64::new(if own { ports.f[(i, inputs[j])] } else { ports.l[(outputs[j - inputs.len()], i)] }, 0.0)
+        });
+        let each = Arc::new(Each { inputs, outputs, load: each });
         let mut checks = Vec::new();
         for &index in samples {
             counts.add("check solves", 1);
-            if let Some(solved) = self.quadratic().solve(omega[index], load.as_ref(), self.scale(), 3) {
+            let factored = self.quadratic().factored(omega[index], self.scale());
+            if let Some(solved) = factored.solve(load.as_ref(), REFINEMENTS) {
                 let motion = (0..self.size()).map(|i| solved.x[(i, 0)].norm() / self.scale()[i]);
                 checks.push(Check {
                     index,
@@ -219,6 +248,7 @@ impl LinearSystem {
                     motion: motion.fold(0.0, f64::max),
                     mix: mix.clone(),
                     unit: self.output_units(ports),
+                    entries: each.clone().entries(ports, factored),
                 });
             }
         }
@@ -275,8 +305,53 @@ impl LinearSystem {
     }
 }
 
-/// Frequencies at which a route is compared with refined direct solves: of each third of them the one that lies nearest to a
-/// pole, measured by its size, where any error is largest.
+/// What a route may differ from refined direct solves.
+fn accepted(checks: &[Check<'_>]) -> f64 {
+    (10.0 * plain_error(checks)).clamp(ACCEPTED, WORST_ACCEPTED)
+}
+
+fn plain_error(checks: &[Check<'_>]) -> f64 {
+    checks.iter().map(|c| c.plain_error).fold(0.0, f64::max)
+}
+
+/// Some of `count` ports, evenly.
+fn spread(count: usize) -> Vec<usize> {
+    let kept = count.min(MOST_PORTS);
+    (0..kept).map(|k| k * count / kept).collect()
+}
+
+/// The inputs and outputs whose entries are compared, and their columns as right sides.
+struct Each {
+    inputs: Vec<usize>,
+    outputs: Vec<usize>,
+    load: Mat<c64>,
+}
+
+impl Each {
+    fn entries<'a>(self: Arc<Self>, ports: &'a Ports, factored: Factored<'a>) -> Entries<'a> {
+        let plain = self.solution(ports, &factored.plain(self.load.as_ref()));
+        Entries {
+            outputs: self.outputs.clone(),
+            inputs: self.inputs.clone(),
+            plain,
+            refined: Box::new(move || {
+                let solved = factored.solve(self.load.as_ref(), REFINEMENTS)?;
+                Some(self.solution(ports, &solved.x))
+            }),
+        }
+    }
+
+    fn solution(&self, ports: &Ports, x: &Mat<c64>) -> Solution {
+        let under_itself = |j: usize| (0..x.nrows()).map(|i| x[(i, j)] * self.load[(i, j)].re).sum::<c64>().norm();
+        let (n_out, n_in) = (self.outputs.len(), self.inputs.len());
+        let seen = |i: usize, j: usize| (0..x.nrows()).map(|k| x[(k, j)] * ports.l[(self.outputs[i], k)]).sum::<c64>();
+        let zero = |i: usize, j: usize| ZERO_ENTRY * (under_itself(n_in + i) * under_itself(j)).sqrt();
+        Solution { value: Mat::from_fn(n_out, n_in, seen), zero: Mat::from_fn(n_out, n_in, zero) }
+    }
+}
+
+/// Frequencies at which a route is compared with refined direct solves: the one that lies nearest to a pole, measured by its size, where
+/// any error is largest, and the slowest and the fastest, where entries of weak couplings are smallest.
 fn samples(expansion: &Expansion, omega: &[f64]) -> Vec<usize> {
     let mut poles: Vec<c64> = expansion.poles().unwrap_or_default();
     poles.retain(|p| p.im > 0.0);
@@ -287,12 +362,14 @@ fn samples(expansion: &Expansion, omega: &[f64]) -> Vec<usize> {
         let relative = near.map(|k| (c64::new(0.0, w.abs()) - poles[k]).norm() / poles[k].norm());
         relative.fold(f64::INFINITY, f64::min)
     };
-    let third = omega.len().div_ceil(3).max(1);
-    let nearest = |part: usize| {
-        let range = part * third..((part + 1) * third).min(omega.len());
-        range.map(|k| (distance(omega[k]), k)).min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, k)| k)
-    };
-    (0..3).filter_map(nearest).collect()
+    let mut found: Vec<usize> = Vec::new();
+    let size = |k: usize| omega[k].abs();
+    let orders: [&dyn Fn(usize) -> f64; 3] = [&|k| distance(omega[k]), &size, &|k| -size(k)];
+    for order in orders {
+        let left = (0..omega.len()).filter(|k| !found.contains(k));
+        found.extend(left.min_by(|a, b| order(*a).total_cmp(&order(*b))));
+    }
+    found
 }
 
 fn real_evaluator<'a>(modes: &RealModes, ports: &Ports, keep: usize) -> Evaluator<'a> {
@@ -301,10 +378,10 @@ fn real_evaluator<'a>(modes: &RealModes, ports: &Ports, keep: usize) -> Evaluato
     let shape = columns(&modes.shape, &kept);
     Evaluator::Real {
         lambda: kept.iter().map(|k| modes.lambda[*k]).collect(),
+        noise: kept.iter().map(|k| modes.noise[*k].min(4.0 * f64::EPSILON * highest)).collect(),
         damping: kept.iter().map(|k| modes.damping[*k]).collect(),
         left: &ports.l * &shape,
         right: complex((shape.transpose() * &ports.f).as_ref()),
-        noise: 4.0 * f64::EPSILON * highest,
     }
 }
 
@@ -403,7 +480,7 @@ mod tests {
         let mut ports = end_to_end(n);
         ports.l = Mat::from_fn(1, n, |_, j| (j == 50) as u8 as f64);
         ports.f = Mat::from_fn(n, 1, |i, _| (i + 1 == n) as u8 as f64);
-        let omega = [0.3, 1.0];
+        let omega: Vec<f64> = (0..9).map(|k| 0.2 + 0.1 * k as f64).collect();
         let values = system.evaluate(&ports, &omega, None, true, &Cancel::default()).unwrap();
         assert_eq!(values.route, Route::Hessenberg);
         for (h, w) in values.h.iter().zip(omega) {
@@ -412,5 +489,22 @@ mod tests {
             let expected = (one * 0.9).powu(9) * one;
             assert!((h - expected).norm() < 1e-11 * expected.norm());
         }
+    }
+
+    #[test]
+    fn few_frequencies_are_solved_directly() {
+        let route = |count: usize| {
+            let omega: Vec<f64> = (0..count).map(|k| 0.11 + 0.2 * k as f64).collect();
+            let system = chain(12, |i| 0.01 * i as f64);
+            system.evaluate(&end_to_end(12), &omega, None, true, &Cancel::default()).unwrap().route
+        };
+        assert_eq!((route(1), route(8), route(9)), (Route::Direct, Route::Direct, Route::ComplexModes));
+    }
+
+    #[test]
+    fn of_many_ports_some_are_compared() {
+        assert_eq!(spread(12), (0..12).collect::<Vec<_>>());
+        let some = spread(40);
+        assert!(some.len() == 12 && some[0] == 0 && some[11] == 36 && some.is_sorted_by(|a, b| a < b));
     }
 }

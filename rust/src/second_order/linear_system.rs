@@ -6,7 +6,7 @@ use faer::{Mat, c64};
 
 use super::SecondOrder;
 use super::expansion::Expansion;
-use super::modal::{Modal, modes};
+use super::modal::{Eigensolution, Modal, eigensolution, modes};
 use crate::error::{Error, Result};
 use crate::linalg::dense::{is_finite, is_zero};
 use crate::linalg::hessenberg::Hessenberg;
@@ -51,6 +51,7 @@ pub struct LinearSystem {
     quadratic: OnceLock<Quadratic>,
     scale: OnceLock<Vec<f64>>,
     normal: OnceLock<Option<NormalForm>>,
+    solved: OnceLock<Result<Eigensolution>>,
     modes: OnceLock<Result<Modal>>,
     expansion: OnceLock<Expansion>,
     pub(crate) hessenberg: OnceLock<Hessenberg>,
@@ -83,6 +84,7 @@ impl LinearSystem {
             quadratic: OnceLock::new(),
             scale: OnceLock::new(),
             normal: OnceLock::new(),
+            solved: OnceLock::new(),
             modes: OnceLock::new(),
             expansion: OnceLock::new(),
             hessenberg: OnceLock::new(),
@@ -105,16 +107,19 @@ impl LinearSystem {
         SecondOrder::new(m, c, g, k, n)
     }
 
+    /// Roots and shapes before they are judged; what it costs is counted in the call that computes them.
+    fn solved(&self, counts: &mut Counts) -> Result<&Eigensolution> {
+        let found = self.solved.get_or_init(|| {
+            let found = self.second_order().and_then(|system| eigensolution(&system));
+            found.inspect(|found| counts.merge(&found.counts))
+        });
+        found.as_ref().map_err(Clone::clone)
+    }
+
     /// All modes; what it costs is counted in the call that computes them.
     pub fn modes(&self, counts: &mut Counts) -> Result<&Modal> {
-        let mut made = false;
-        let found = self.modes.get_or_init(|| {
-            made = true;
-            self.second_order().and_then(|system| modes(&system))
-        });
-        if let (true, Ok(modal)) = (made, found) {
-            counts.merge(&modal.counts);
-        }
+        let solved = self.solved(counts)?;
+        let found = self.modes.get_or_init(|| solved.judged().inspect(|found| counts.merge(&found.counts)));
         found.as_ref().map_err(Clone::clone)
     }
 
@@ -143,14 +148,19 @@ impl LinearSystem {
     /// Modes as sums over them take them.
     pub fn expansion(&self, counts: &mut Counts) -> &Expansion {
         self.expansion.get_or_init(|| {
-            if let Ok(modal) = self.modes(counts) {
-                return Expansion::new(modal, || self.normal());
+            if let Ok(solved) = self.solved(counts) {
+                if solved.is_uncoupled() {
+                    return Expansion::real(solved);
+                }
+                if let Ok(modal) = self.modes(counts) {
+                    return Expansion::complex(modal, self.normal());
+                }
             }
             // damping or stiffness that was not given in symmetric and skew parts
             match SecondOrder::split(self.quadratic()).and_then(|system| modes(&system)) {
                 Ok(modal) => {
                     counts.merge(&modal.counts);
-                    Expansion::new(&modal, || self.normal())
+                    Expansion::complex(&modal, self.normal())
                 }
                 Err(_) => Expansion::None,
             }
