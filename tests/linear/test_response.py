@@ -150,14 +150,14 @@ def test_base_motion_history_through_the_core():
 
     m, c, k, w = 2.0, 0.4, 8.0, 1.3
     one = np.ones((1, 1))
-    reduction = _core.FrfReduction(m * one, c * one, k * one)
+    system = _core.SecondOrder(m * one, c * one, None, k * one, None)
     free = np.roots([m, c, k])
     errors = []
     for n_t in (1001, 2001):
         t = np.linspace(0.0, 30.0, n_t)
         u = np.sin(w * t)[None, :]
         bulge = (np.sin(w * (t[1:] + t[:-1]) / 2) - (u[0, 1:] + u[0, :-1]) / 2)[None, :]
-        raw = reduction.response(one, -m * one, np.array([2]), one, t, u, bulge, np.zeros(1), np.zeros(1))
+        raw = system.response((one, -m * one, np.array([2]), one), (t, u, bulge, np.zeros(1), np.zeros(1)))
         H = (k + 1j * w * c) / (k + 1j * w * c - w * w * m)
         # absolute rest at t = 0, and the base moves without a jump
         a = np.linalg.solve(np.array([[1, 1], free]), -np.array([H.imag, (1j * w * H).imag]))

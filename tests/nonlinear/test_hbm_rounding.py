@@ -1,5 +1,6 @@
 """Finely divided structures, of which rounding leaves little after condensation: right, or refused."""
 
+import mbrs as mb
 import numpy as np
 import pytest
 from mbrs import _core
@@ -61,7 +62,7 @@ def test_a_beam_divided_too_finely_is_refused():
 
 
 def test_the_core_refuses_what_would_not_fit_into_memory():
-    linear = _core.HbmLinear.full(np.eye(1), np.eye(1), np.eye(1), np.zeros((2, 1), complex))
+    linear = _core.HbmLinear.full(mb.MechanicalSystem([[1.0]], [[1.0]], [[1.0]]).core, np.zeros((2, 1), complex))
     elements = balance.core_elements([Cubic(1.0, w=[1.0])], [np.array([1.0])])
     for dims, indices, text in (
         ([10**6, 10**6], [[1, 0]], "fewer samples"),

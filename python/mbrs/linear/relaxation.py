@@ -67,17 +67,12 @@ class States:
         """Damping and gyroscopic, and stiffness matrix at held states."""
         return _total(D, self.damping), S if self.stiffness is None else S + self.stiffness
 
-    def extended(self, M: np.ndarray, D: np.ndarray | None, S: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Mass, damping and gyroscopic, and stiffness matrix of (y, p)."""
-        n, m = self.effect.shape
+    def held_system(self, M: np.ndarray, D: np.ndarray | None, S: np.ndarray) -> _core.SecondOrder:
+        """The system at held states."""
         damping, stiffness = self.held(D, S)
-        damping = np.zeros((n, n)) if damping is None else damping
-        zero, w = np.zeros((n, m)), self.weight[:, None]
-        return (
-            np.block([[M, zero], [zero.T, np.diag(self.weight)]]),
-            np.block([[damping, -self.effect], [-w * self.by_rate, -w * self.own]]),
-            np.block([[stiffness, zero], [-w * self.by_place, np.zeros((m, m))]]),
-        )
+        C, G = (None, None) if damping is None else _parts(damping)
+        with core_errors():
+            return _core.SecondOrder(M, C, G, *_parts(stiffness))
 
 
 def _joined(parts: list[States]) -> States | None:
@@ -248,23 +243,32 @@ def _twist(lin: Any, body: int, point: np.ndarray) -> np.ndarray:
     return twist_at(lin.T[6 * body : 6 * body + 6], point - lin.poses["position"][body])
 
 
-def relaxing_modes(system: Any, states: States, damping: Any, stiffness: Any) -> dict[str, Any]:
-    """The answer of `_core.dense_modes` for the extended system, without the roots that belong to no motion.
-
-    ``damping`` and ``stiffness``: (symmetric, skew) parts of the system, each or None.
-    """
+def extended(system: Any, states: States) -> _core.SecondOrder:
+    """The system of the coordinates and of the integrals p of the states."""
     n, m = states.effect.shape
-    zero = np.zeros((m, m))
-    M, D, S = states.extended(np.asarray(system.M), _total(*damping), np.asarray(_total(*stiffness)))
+    damping, stiffness = states.held(_total(system.C, system.G), np.asarray(_total(system.K, system.N)))
+    zero, w = np.zeros((n, m)), states.weight[:, None]
+    D = np.block(
+        [[np.zeros((n, n)) if damping is None else damping, -states.effect], [-w * states.by_rate, -w * states.own]]
+    )
+    S = np.block([[stiffness, zero], [-w * states.by_place, np.zeros((m, m))]])
     still = not np.any(states.by_place) and np.array_equal(states.own, states.own.T)
     if states.stiffness is None and still:
-        C, K = np.zeros_like(D), np.block([[stiffness[0], np.zeros((n, m))], [np.zeros((m, n)), zero]])
-        C[:n, :n] = 0.0 if damping[0] is None else damping[0]
+        C, K = np.zeros_like(D), np.block([[system.K, zero], [zero.T, np.zeros((m, m))]])
+        C[:n, :n] = 0.0 if system.C is None else system.C
         C[n:, n:] = D[n:, n:]
     else:
         C, K = 0.5 * (D + D.T), 0.5 * (S + S.T)
-    N = S - K if np.any(S != K) else None
-    r = dict(_core.dense_modes(M, C, D - C, K, N, None))
+    M = np.block([[system.M, zero], [zero.T, np.diag(states.weight)]])
+    with core_errors():
+        return _core.SecondOrder(M, C, D - C, K, S - K)
+
+
+def relaxing_modes(core: _core.SecondOrder, states: States) -> dict[str, Any]:
+    """Modes of the extended system, without the roots that belong to no motion."""
+    n, m = states.effect.shape
+    M, D, S = core.M, _total(core.C, core.G), _total(core.K, core.N)
+    r = dict(core.modes())
     size = np.linalg.norm(r["shape"], axis=0)
     alone = np.linalg.norm(r["shape"][:n], axis=0) <= np.sqrt(np.finfo(float).eps) * size
     own = np.flatnonzero((np.array(r["kind"]) == "rigid") & alone)
@@ -295,6 +299,11 @@ def relaxing_modes(system: Any, states: States, damping: Any, stiffness: Any) ->
     members = [[int(place[i]) for i in range(a, a + count) if i not in gone] for a, count in r["groups"]]
     r["groups"] = [(min(g), len(g)) for g in members if len(g) > 1 and max(g) - min(g) == len(g) - 1]
     return r
+
+
+def _parts(a: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The symmetric and the skew part."""
+    return 0.5 * (a + a.T), 0.5 * (a - a.T)
 
 
 def _total(a: Any, b: Any) -> Any:

@@ -292,9 +292,6 @@ def _of_forces(result: FrfResult | ResponseResult) -> tuple[Any, Any, Any, Linea
             "responses to forces alone, of laws without states of their own, are compared: base motion enters the reference in no "
             "other way"
         )
-    if linear.source is None:
-        zero = np.zeros_like(linear.M)
-        return linear.M, zero if linear.D is None else linear.D, linear.S, linear
     M, C, G, K, N = (np.zeros((linear.n, linear.n)) if X is None else X for X in _matrices(linear.source))
     return M, G if "damping" not in linear.effects else C + G, K + N, linear
 

@@ -188,7 +188,7 @@ impl<'a> Subspace<'a> {
             let c = self.z.transpose() * &self.cz;
             Mat::from_fn(n, n, |i, j| 0.5 * (c[(i, j)] + c[(j, i)]))
         });
-        dense_modes(&SecondOrder::new(m, c, None, k, None, None)?)
+        dense_modes(&SecondOrder::new(m, c, None, k, None)?)
     }
 
     fn combined(&self, modal: &Modal, n: usize) -> Mat<c64> {

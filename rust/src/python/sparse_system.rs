@@ -6,7 +6,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use super::border::{interruptible, to_numpy_complex};
-use super::modal::as_dict;
+use super::modal::Modes;
 use super::sparse::advised;
 use super::system::{PySystem, effects, state_of};
 use crate::linearize::sparse_bodies::{BodyModes, modes};
@@ -48,7 +48,8 @@ fn sparse_model_modes<'py>(
     })?;
     let system = &system.0;
     found.modal.counts.merge(&found.counts);
-    let out = as_dict(py, found.modal)?;
+    let counts = found.modal.counts.clone();
+    let out = Modes::new(found.modal, counts).into_pyobject(py)?;
     out.set_item("shape", to_numpy_complex(py, shape.as_ref()))?;
     out.set_item("body", to_numpy_complex(py, found.body.as_ref()))?;
     out.set_item("error", found.error.into_pyarray(py))?;

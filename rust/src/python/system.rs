@@ -1,6 +1,8 @@
 //! The compiled model in Python: assembly, equilibrium, linearisation and its derivatives.
 //!
 //! A state crosses as `q` (n_q,: coordinates of the joints in tree order, then modal ones) and `rate` (n_tree,) or an empty array at rest. Bodies in all other arrays stand in the order of the model.
+use std::sync::Arc;
+
 use numpy::ndarray::{Array2, Array3};
 use numpy::{IntoPyArray, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
@@ -13,6 +15,7 @@ use crate::equilibrium::{Equilibrium, equilibrium};
 use crate::error::{Error, Result};
 use crate::integrate::{Equations, Motion};
 use crate::linearize::air_states::{air_states, holding};
+use crate::linearize::model_modes::linear_system;
 use crate::linearize::parts::{Parts, motion_scale, parts};
 use crate::linearize::reactions::reactions;
 use crate::linearize::{Linearization, Setting, linearize, mobility};
@@ -26,6 +29,7 @@ use crate::tolerances::coordinates::UNIT_QUATERNION;
 
 use super::border::{counts_dict, guarded, interruptible};
 use super::law_places;
+use super::second_order::PySecondOrder;
 use super::strains;
 use super::tables::{tables, values};
 
@@ -150,19 +154,14 @@ pub fn array(m: &nalgebra::DMatrix<f64>) -> Array2<f64> {
         .unwrap_or_else(|_| Array2::from_shape_fn(shape, |(i, j)| m[(i, j)]))
 }
 
-fn put_parts(py: Python<'_>, out: &Bound<'_, PyDict>, parts: &Parts) -> PyResult<()> {
-    let given = |x: &Option<nalgebra::DMatrix<f64>>| x.as_ref().map(|x| array(x).into_pyarray(py));
-    out.set_item("C", given(&parts.damping))?;
-    out.set_item("G", given(&parts.gyroscopic))?;
-    out.set_item("K", array(&parts.stiffness).into_pyarray(py))?;
-    out.set_item("N", given(&parts.circulatory))?;
+fn put_parts(out: &Bound<'_, PyDict>, lin: &Linearization, parts: &Parts) -> PyResult<()> {
+    out.set_item("second_order", PySecondOrder(Arc::new(linear_system(lin, parts)?)))?;
     out.set_item("error", parts.error)
 }
 
 fn put_linearization(py: Python<'_>, out: &Bound<'_, PyDict>, system: &System, lin: &Linearization) -> PyResult<()> {
     let names: Vec<_> = lin.coordinates(system.n_tree()).iter().map(|i| system.topology.names[*i].clone()).collect();
     out.set_item("coordinates", names)?;
-    out.set_item("M", array(&lin.matrices.mass).into_pyarray(py))?;
     out.set_item("T", array(&lin.body_map).into_pyarray(py))?;
     if system.topology.is_flexible() {
         let map = array(&lin.modal_map(&system.topology));
@@ -314,7 +313,7 @@ impl PySystem {
         })?;
         let out = PyDict::new(py);
         put_state(py, &out, &eq.state)?;
-        put_parts(py, &out, &parts)?;
+        put_parts(&out, &eq.linearization, &parts)?;
         put_linearization(py, &out, &self.0, &eq.linearization)?;
         out.set_item("relative_residual", eq.residual)?;
         out.set_item("error", eq.error)?;
@@ -371,8 +370,9 @@ impl PySystem {
         let out = PyDict::new(py);
         put_linearization(py, &out, &self.0, &lin)?;
         match &parts {
-            Some(parts) => put_parts(py, &out, parts)?,
+            Some(parts) => put_parts(&out, &lin, parts)?,
             None => {
+                out.set_item("M", array(&lin.matrices.mass).into_pyarray(py))?;
                 out.set_item("D", lin.matrices.damping.as_ref().map(|d| array(d).into_pyarray(py)))?;
                 out.set_item("S", array(&lin.matrices.stiffness).into_pyarray(py))?;
             }
