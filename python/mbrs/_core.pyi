@@ -126,9 +126,17 @@ def missed_resonances(
 ) -> list[float]: ...
 def is_strained(factor: _F2, shape: _F2, mass: _F2) -> bool: ...
 def sparse_model_modes(
-    system: System, q: _F1, rate: _F1, without: Sequence[str], n: int, sigma: float | None = None
+    system: System,
+    q: _F1,
+    rate: _F1,
+    acceleration: Sequence[float],
+    without: Sequence[str],
+    n: int,
+    sigma: float | None = None,
 ) -> dict[str, Any]: ...
-def sparse_model_form(system: System, q: _F1, rate: _F1, without: Sequence[str]) -> dict[str, Any]: ...
+def sparse_model_form(
+    system: System, q: _F1, rate: _F1, acceleration: Sequence[float], without: Sequence[str]
+) -> dict[str, Any]: ...
 
 @final
 class FrfReduction:

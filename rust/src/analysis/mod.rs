@@ -31,6 +31,7 @@ pub mod response_sensitivity;
 mod rolling;
 pub mod sparse_bodies;
 pub mod sparse_damped;
+pub mod sparse_general;
 pub mod sparse_modal;
 pub mod sparse_pencil;
 pub mod stability;

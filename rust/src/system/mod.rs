@@ -11,9 +11,11 @@
 //! connector   forces and tangents of elements and constraints
 //! path        the same in tree coordinates, along the way between two bodies
 //! sparse      everything once more in absolute coordinates, for thousands of bodies
+//! sparse_motion  the same of open trees that move
 //! constraint  functions of several coordinates as rows
 //! rows        values and Jacobian of all constraint rows
 //! rank        which of them are redundant, decided once
+//! potential   which forces have none
 //! remoteness  rounding of places beside the arms of bodies
 //! islands     bodies that nothing connects
 //! singular_pose  where they depend on each other to first order only
@@ -33,15 +35,18 @@ pub mod flexible_inertia;
 mod flexible_scene;
 pub mod inertia;
 pub mod islands;
+mod loaded;
 pub mod loops;
 pub mod parts;
 pub mod path;
 pub mod placement;
+pub mod potential;
 pub mod rank;
 pub mod remoteness;
 pub mod rows;
 pub mod singular_pose;
 pub mod sparse;
+pub mod sparse_motion;
 pub mod topology;
 mod tree;
 pub mod wanted;

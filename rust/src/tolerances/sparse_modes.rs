@@ -59,3 +59,11 @@ pub const RIGID_PAIR: f64 = 1e-5;
 /// Relative difference of the energy of a shape and the work of the forces that hold it, above which a saddle system does not hold what it
 /// should. Larger: wrong factors pass. Smaller: rounding refuses the route.
 pub const ENERGY_IS_WORK: f64 = 1e-5;
+
+/// Relative distance of two roots of a system that is not symmetric, below which they are repeated: left and right vectors are then no
+/// pairs, and no quotient of theirs makes the root better. Larger: digits of close roots are given away. Smaller: quotients of vectors that
+/// are nearly orthogonal. Pinned by tests/linear/test_sparse_general.py.
+pub const SAME_ROOT: f64 = 1e-7;
+/// Real part of a root, over its modulus, above which a vibration grows, where the estimated error is smaller. Larger: slow flutter is
+/// called vibration. Smaller: rounding of undamped roots is called flutter. Pinned by tests/linear/test_sparse_general.py.
+pub const GROWS: f64 = 1e-10;
