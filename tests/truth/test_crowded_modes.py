@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import scipy.linalg as sl
 import scipy.sparse as sp
+from mpmath import mp
 
 
 def on_foundation(n: int, ground: float, order: np.ndarray | None = None) -> mb.MechanicalSystem:
@@ -114,14 +115,147 @@ def test_crowded_damped_roots_of_a_long_row():
     assert error < 4 * r.error.max() < 1e-12 and r.status == "converged"
 
 
-def test_crowded_roots_of_a_large_damped_row_are_refused_with_a_remedy_that_works():
-    n = 1600
-    K = sp.diags([np.full(n - 1, -1.0), np.full(n, 2.53), np.full(n - 1, -1.0)], [-1, 0, 1]).tocsr()
-    dashpot = sp.csr_matrix(([0.02], ([731], [731])), shape=(n, n))
-    system = mb.MechanicalSystem(sp.identity(n).tocsr(), 0.013 * sp.identity(n).tocsr() + dashpot, K)
-    with pytest.raises(mb.ConvergenceError, match=r"1600 coordinates: .*reduce the matrices") as problem:
-        mb.modes(system, n=6)
-    assert "shift" not in str(problem.value)
+def foundation(n: int) -> sp.csr_matrix:
+    return sp.diags([np.full(n - 1, -1.0), np.full(n, 2.5), np.full(n - 1, -1.0)], [-1, 0, 1]).tocsr()
+
+
+def skew(n: int) -> sp.csr_matrix:
+    return sp.diags([np.ones(n - 1), -np.ones(n - 1)], [1, -1]).tocsr()
+
+
+def dashpots(n: int, c: dict[int, float]) -> sp.csr_matrix:
+    return sp.csr_matrix((list(c.values()), (list(c), list(c))), shape=(n, n))
+
+
+def general_row(kind: str, n: int) -> mb.MechanicalSystem:
+    one, K = sp.identity(n).tocsr(), foundation(n)
+    rng = np.random.default_rng(n)
+    if kind == "one dashpot":
+        return mb.MechanicalSystem(one, dashpots(n, {n // 3: 0.02}), K)
+    if kind == "dashpots":
+        return mb.MechanicalSystem(
+            one, dashpots(n, dict(zip(rng.permutation(n)[:5], rng.uniform(0.01, 3, 5), strict=True))), K
+        )
+    if kind == "heavy dashpot":
+        return mb.MechanicalSystem(one, 0.013 * one + dashpots(n, {n // 7: 40.0}), K)
+    if kind == "damping everywhere":
+        return mb.MechanicalSystem(one, sp.diags(rng.uniform(0, 0.1, n)).tocsr(), K)
+    if kind == "gyroscopic":
+        return mb.MechanicalSystem(one, K=K, G=1e-3 * skew(n))
+    if kind == "circulatory":
+        return mb.MechanicalSystem(one, K=K, N=1e-3 * skew(n))
+    return mb.MechanicalSystem(one, dashpots(n, {n // 3: 0.02}), K, G=3e-3 * skew(n), N=1e-3 * skew(n))
+
+
+KINDS = ("one dashpot", "dashpots", "gyroscopic", "circulatory", "all")
+
+
+@pytest.mark.parametrize("n", [450, pytest.param(1000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("kind", KINDS)
+def test_crowded_general_roots_are_those_of_the_state_matrix(kind, n):
+    system = general_row(kind, n)
+    found = mb.modes(system, n=8)
+    D = sum((x for x in (system.C, system.G) if x is not None), 0 * system.M).toarray()
+    S = (system.K if system.N is None else system.K + system.N).toarray()
+    all_roots = sl.eigvals(np.block([[np.zeros((n, n)), np.eye(n)], [-S, -D]]))
+    every = np.sort_complex(all_roots[all_roots.imag > -1e-12])
+    every = every[np.argsort(np.abs(every), kind="stable")][:8]
+    error = np.array([np.abs(every - s).min() for s in found.eigenvalue]) / np.abs(found.eigenvalue)
+    print(f"{kind} {n}: {error.max():.1e}, {found.error.max():.1e}, {found.stats.route}, {found.stats.counts}")
+    assert found.status == "converged" and "argument principle" in found.stats.route
+    assert np.abs(np.abs(found.eigenvalue) - np.abs(every)).max() < 1e-9 and error.max() < 1e-8
+    assert len(np.unique(np.round(found.eigenvalue, 11))) == 8
+
+
+def twin_row(n: int, c: tuple[float, float], g: float, nu: float) -> tuple[mb.MechanicalSystem, np.ndarray]:
+    """Two coordinates at each site, each damped its own way or coupled by g and nu; and the roots with Im s >= 0.
+
+    Sine shapes part it into s^2 + c s + l = 0, or into s^2 - i g s + l - i nu = 0 for x + i y and its conjugate.
+    """
+    lam = 2.5 - 2 * np.cos(np.pi * np.arange(1, n + 1) / (n + 1))
+    one, J = sp.identity(n), np.array([[0.0, -1.0], [1.0, 0.0]])
+    M, K = sp.identity(2 * n).tocsr(), sp.kron(foundation(n), np.eye(2)).tocsr()
+    C = sp.kron(one, np.diag(c)).tocsr() if any(c) else None
+    G = sp.kron(one, g * J).tocsr() if g else None
+    N = sp.kron(one, nu * J).tocsr() if nu else None
+    if C is not None:
+        assert not g and not nu
+        roots = np.concatenate([-x / 2 + 1j * np.sqrt(lam - x * x / 4) for x in c])
+    else:
+        one_way = [np.sqrt(-(g**2) / 4 - lam + 1j * nu + 0j), -np.sqrt(-(g**2) / 4 - lam + 1j * nu + 0j)]
+        roots = np.concatenate([0.5j * g + r for r in one_way])
+        roots = np.where(roots.imag >= 0, roots, roots.conj())
+    return mb.MechanicalSystem(M, C, K, G=G, N=N), roots[np.argsort(np.abs(roots))]
+
+
+@pytest.mark.parametrize("n", [1000, pytest.param(5000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(("c", "g", "nu"), [((0, 0), 0.3, 0), ((0, 0), 0.01, 0.004)])
+def test_crowded_general_roots_of_a_twin_row(n, c, g, nu):
+    system, exact = twin_row(n, c, g, nu)
+    found = mb.modes(system, n=6)
+    error = np.array([np.abs(exact[:40] - s).min() for s in found.eigenvalue]) / np.abs(found.eigenvalue)
+    print(f"{n} {c} {g} {nu}: {error}, {found.error}, {found.stats.route}, {found.stats.counts}")
+    assert found.status == "converged" and np.all(error <= 10 * found.error + 1e-15) and found.error.max() < 1e-9
+    assert np.allclose(np.abs(found.eigenvalue), np.abs(exact[:6]), rtol=1e-12)
+
+
+@pytest.mark.parametrize("n", [3000, pytest.param(10000, marks=pytest.mark.slow)])
+def test_circulatory_row(n):
+    """tridiag(-1 - e, 2.5, -1 + e) has the eigenvalues 2.5 - 2 sqrt(1 - e^2) cos(k pi/(n + 1))."""
+    e = 1e-3
+    found = mb.modes(mb.MechanicalSystem(sp.identity(n).tocsr(), K=foundation(n), N=e * skew(n)), n=10)
+    exact = np.sqrt(2.5 - 2 * np.sqrt(1 - e * e) * np.cos(np.pi * np.arange(1, 11) / (n + 1)))
+    error = np.abs(found.eigenvalue / (1j * exact) - 1)
+    print(f"{n}: {error}, {found.error}, {found.stats.route}, {found.stats.counts}")
+    assert found.status == "converged" and "argument principle" in found.stats.route
+    assert np.all(error <= 10 * found.error) and error.max() < 1e-9
+
+
+def row_with_a_dashpot(s: np.ndarray, n: int, at: int, c: float) -> tuple[np.ndarray, np.ndarray]:
+    """det(s^2 + s c e e^T + K) as a number and the argument of what it is to be multiplied by: 2 cos p = 2.5 + s^2.
+
+    sin((n + 1) p)/sin p + s c sin(a p) sin((n + 1 - a) p)/sin^2 p, a counted from 1, without exp(-i (n + 1) p).
+    """
+    p = np.arccos((2.5 + s * s) / 2 + 0j)
+    p = np.where(p.imag >= 0, p, -p)
+    rest = lambda m: 0.5j * (1 - np.exp(2j * m * p))  # noqa: E731
+    value = rest(n + 1) / np.sin(p) + s * c * rest(at) * rest(n + 1 - at) / np.sin(p) ** 2
+    return value, -(n + 1) * p.real
+
+
+@pytest.mark.parametrize(
+    "n", [2000, pytest.param(3000, marks=pytest.mark.slow), pytest.param(10000, marks=pytest.mark.slow)]
+)
+def test_a_long_row_with_one_dashpot(n):
+    """The determinant in closed form is zero at the roots found, and its argument counts as many in the disc."""
+    at, c = n // 3, 0.02
+    found = mb.modes(mb.MechanicalSystem(sp.identity(n).tocsr(), dashpots(n, {at - 1: c}), foundation(n)), n=10)
+    print(f"{n}: {found.error.max():.1e}, {found.stats.route}, {found.stats.counts}")
+    assert found.status == "converged" and "argument principle" in found.stats.route and found.error.max() < 1e-11
+    s = found.eigenvalue
+    gap = np.diff(np.abs(s)).max() * 1e-3
+    with mp.workdps(50):
+        for root in s:
+
+            def f(z):
+                p = mp.acos((mp.mpf("2.5") + z * z) / 2)
+                return (
+                    mp.sin((n + 1) * p) / mp.sin(p)
+                    + z * mp.mpf(c) * mp.sin(at * p) * mp.sin((n + 1 - at) * p) / mp.sin(p) ** 2
+                )
+
+            true = mp.mpc(complex(root))
+            for _ in range(4):
+                true -= f(true) / mp.diff(f, true)
+            assert abs(f(true) / mp.diff(f, true)) < mp.mpf(10) ** -25
+            assert abs(true - mp.mpc(complex(root))) <= 1e-12 * abs(true)
+    radius = 0.5 * (np.abs(s[8]) + np.abs(s[9]))
+    near = np.r_[0.0, np.geomspace(gap * 1e-2, np.pi / 2, 400_000)]
+    theta = np.r_[np.pi / 2 - near[::-1], np.pi / 2 + near[1:]]
+    value, turn = row_with_a_dashpot(radius * np.exp(1j * theta), n, at, c)
+    steps = np.diff(np.angle(value) + turn)
+    steps -= 2 * np.pi * np.round(steps / (2 * np.pi))
+    assert np.abs(steps).max() < 2 and round(steps.sum() / np.pi) == 2 * 9
 
 
 @pytest.mark.parametrize(("a", "b"), [(0.013, 0.0), (0.0, 0.0021), (0.17, 0.0031), (4.1, 0.7), (-0.02, 0.003)])

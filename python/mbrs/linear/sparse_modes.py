@@ -26,19 +26,16 @@ _LARGE = 400
 # What the sparse route does not know goes to the dense one as long as that takes minutes, not hours.
 _DENSE_AT_MOST = 4000
 _PART = 10
-# Largest damped system whose crowded roots, which no real shift parts, are taken from the dense route. Larger: minutes of work after a
+# Largest damped system that is taken from the dense route where the sparse one does not converge. Larger: minutes of work after a
 # failure. Smaller: failures that need not be.
 DENSE_INSTEAD = 1500
-_CROWDED = (
-    "the lowest roots of damped, gyroscopic or circulatory systems that lie this close are found up to "
-    f"{DENSE_INSTEAD} coordinates: reduce the matrices, for instance to the modes without damping"
-)
+_CROWDED = "reduce the matrices, for instance to the modes without damping"
 _UNRESOLVED = 1e-8
 # Neighbouring roots this near (relative) are one repeated root. Too small: members of a group split by rounding. Too large: near roots
 # lose their own shapes. Pinned by tests/truth/test_crowded_modes.py.
 _SAME_ROOT = 1e-9
-# Rounding of an entry of C = a M + b K over the sizes of its terms. Too small: proportional damping takes the general route, where crowded
-# roots are refused. Too large: damping that is not proportional is called so; the error of roots would show it.
+# Rounding of an entry of C = a M + b K over the sizes of its terms. Too small: proportional damping takes the general route, which
+# is slower. Too large: damping that is not proportional is called so; the error of roots would show it.
 # Pinned by tests/truth/test_crowded_modes.py.
 _PROPORTIONAL = 1e-12
 # What each matrix is across its diagonal.
@@ -139,6 +136,8 @@ def model_modes(
     without = check_without(without)
     snapshot = Snapshot.of(model)
     state = state_of(model, snapshot.system, at)
+    if state.orbit is not None:
+        return None
     try:
         with core_errors(), Elapsed(f"lowest {n} modes of {model.name!r}"):
             if state.turn is not None:
@@ -250,6 +249,10 @@ def _with_damping(r: dict[str, Any], a: float, b: float) -> dict[str, Any]:
     real = square >= 0.0
     r["eigenvalue"] = np.where(real, np.maximum(near, far), -half + 1j * root)
     r["partner"] = np.where(real, np.minimum(near, far), -half - 1j * root)
+    s = r["eigenvalue"]
+    slope = np.abs(s * (2.0 * s + a + b * lam))
+    change = np.divide(np.abs((1.0 + b * s) * lam) * r["error"], slope, out=np.full(len(s), np.inf), where=slope > 0.0)
+    r["error"] = np.where(s == 0.0, np.sqrt(r["error"]), np.maximum(change, np.finfo(float).eps))
     r["route"] += ", proportional damping"
     return r
 
@@ -288,12 +291,7 @@ def sparse_modes(
     shape = r["shape"]
     route = f"{r['route']} ({r['verified']})" if "verified" in r else r["route"]
     # of lambda = -s^2, so half of it for s; of a rigid mode the blur around zero, as a frequency
-    if not damped:
-        error = np.where(s == 0.0, np.sqrt(r["error"]), 0.5 * r["error"])
-    elif G is None and N is None:
-        error = _first_order(M, D, S, s, shape)
-    else:
-        error = residual
+    error = r["error"] if damped else np.where(s == 0.0, np.sqrt(r["error"]), 0.5 * r["error"])
     unresolved = r.get("verified") == "unverified" or not np.all(error[s != 0.0] <= _UNRESOLVED)
     groups = _groups(s)
     return ModalResult(
@@ -328,25 +326,6 @@ def _cut_group(M: Any, K: Any, lam: np.ndarray, groups: tuple[tuple[int, ...], .
     if below is None or below <= n:
         return ()
     return groups[-1] if groups and groups[-1][-1] == n - 1 else (n - 1,)
-
-
-# Share of EPS that the rounding of single entries usually leaves in a root; typical of chains (measured).
-_ENTRY_NOISE = 0.01
-
-
-def _first_order(M: Any, D: Any, S: Any, s: np.ndarray, x: np.ndarray) -> np.ndarray:
-    """Relative errors of roots of a symmetric system: x^T Q(s) x / (s x^T Q'(s) x), and what rounding of the entries hides."""
-
-    def forms(a: np.ndarray, parts: tuple[Any, Any, Any]) -> list[np.ndarray]:
-        return [np.einsum("ij,ij->j", a, part @ a) for part in parts]
-
-    m, d, k = forms(x, (M, D, S))
-    size_m, size_d, size_k = forms(np.abs(x), (abs(M), abs(D), abs(S)))
-    r = np.abs(s)
-    slope = r * np.abs(2.0 * s * m + d)
-    miss = np.abs(s * s * m + s * d + k) + _ENTRY_NOISE * np.finfo(float).eps * (r * r * size_m + r * size_d + size_k)
-    found = np.divide(miss, slope, out=np.zeros_like(r), where=(slope > 0.0) & (s != 0.0))
-    return np.where(s != 0.0, np.maximum(found, np.finfo(float).eps), 0.0)
 
 
 def _lowest(M: Any, D: Any, S: Any, n: int, sigma: float | None, symmetric: bool) -> dict[str, Any]:
@@ -394,7 +373,7 @@ def _paired(r: dict[str, Any], upper: np.ndarray, lower: np.ndarray) -> dict[str
         likeness = np.abs(unit[:, free].conj().T @ unit[:, i]) if free else np.zeros(0)
         if likeness.size and likeness.max() > 0.5:
             r["partner"][i] = s[free.pop(int(np.argmax(likeness)))]
-    for key in ("eigenvalue", "partner", "residual"):
+    for key in ("eigenvalue", "partner", "residual", "error"):
         r[key] = r[key][upper]
     r["shape"] = x[:, upper]
     return r

@@ -1,23 +1,24 @@
 //! Block Krylov spaces with full orthogonalisation and thick restart, for the largest eigenvalues of an operator.
 //!
 //! Symmetric operators: thick-restart Lanczos (Wu and Simon, SIAM J. Matrix Anal. Appl. 22(2), 2000); others: the Krylov-Schur
-//! idea (Stewart, SIAM J. Matrix Anal. Appl. 23(3), 2002) with an orthonormal real basis of the wanted Ritz vectors in the place
-//! of a reordered Schur form. Blocks see repeated eigenvalues that one vector would miss.
-use faer::linalg::matmul::matmul;
+//! idea (Stewart, SIAM J. Matrix Anal. Appl. 23(3), 2002) with an orthonormal basis of the wanted Ritz vectors in the place of a
+//! reordered Schur form. Blocks see repeated eigenvalues that one vector would miss. Real operators keep a real basis.
+use faer::linalg::matmul::{matmul, matmul_with_conj};
 use faer::prelude::*;
-use faer::{Accum, Mat, MatMut, MatRef, Par, Side, c64};
+use faer::{Accum, Conj, Mat, MatMut, MatRef, Par, Side, c64};
 
 use crate::error::{Error, Result};
+use crate::linalg::field::Field;
 use crate::run::{Cancel, Counts};
 use crate::tolerances::sparse_modes::{CONVERGED, DEPENDENT, DEPENDENT_RANDOM, SAME_MODULUS};
 
 const PROBE_BLOCKS: usize = 6;
 
-/// x -> Op x, in an inner product <x, y> = x^T W y. Where W is only semidefinite, Op must ignore its null space.
-pub trait Operator {
+/// x -> Op x, in an inner product <x, y> = x^H W y with a real W. Where W is only semidefinite, Op must ignore its null space.
+pub trait Operator<T = f64> {
     fn dim(&self) -> usize;
-    fn apply(&self, x: MatRef<'_, f64>, out: MatMut<'_, f64>) -> Result<()>;
-    fn weigh(&self, x: MatRef<'_, f64>, out: MatMut<'_, f64>);
+    fn apply(&self, x: MatRef<'_, T>, out: MatMut<'_, T>) -> Result<()>;
+    fn weigh(&self, x: MatRef<'_, T>, out: MatMut<'_, T>);
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -40,13 +41,13 @@ impl Options {
 }
 
 /// Op V = V T + Q B with orthonormal [V, Q]; Q is the last block, B sits below T.
-pub struct Space<'a, O: Operator> {
+pub struct Space<'a, O: Operator<T>, T: Field = f64> {
     op: &'a O,
     options: Options,
-    v: Mat<f64>,
-    t: Mat<f64>,
+    v: Mat<T>,
+    t: Mat<T>,
     /// W times a block, room for one
-    weighed: Mat<f64>,
+    weighed: Mat<T>,
     /// columns of V
     size: usize,
     random: Random,
@@ -69,13 +70,31 @@ impl Random {
         self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         ((self.0 >> 11) as f64) / (1u64 << 53) as f64 - 0.5
     }
+
+    fn scalar<T: Field>(&mut self) -> T {
+        T::random(|| self.next())
+    }
 }
 
-impl<'a, O: Operator> Space<'a, O> {
+impl<'a, O: Operator<T>, T: Field> Space<'a, O, T> {
     pub fn new(op: &'a O, options: Options) -> Result<Self> {
+        let mut space = Self::empty(op, options);
+        space.inject(0)?;
+        Ok(space)
+    }
+
+    /// The space that begins with random combinations of vectors, such as those of a space of a neighbouring operator.
+    pub fn from_vectors(op: &'a O, options: Options, vectors: MatRef<'_, T>) -> Result<Self> {
+        let mut space = Self::empty(op, options);
+        let mix: Mat<T> = Mat::from_fn(vectors.ncols(), options.block, |_, _| space.random.scalar());
+        space.begin(0, vectors * mix)?;
+        Ok(space)
+    }
+
+    fn empty(op: &'a O, options: Options) -> Self {
         let n = op.dim();
         let columns = options.dim + options.block;
-        let mut space = Space {
+        Space {
             op,
             options,
             v: Mat::zeros(n, columns),
@@ -84,25 +103,28 @@ impl<'a, O: Operator> Space<'a, O> {
             size: 0,
             random: Random(0x9e37_79b9_7f4a_7c15),
             counts: Counts::default(),
-        };
-        space.inject(0)?;
-        Ok(space)
+        }
     }
 
     /// Fill the block after the first `at` columns with random vectors, purified by one application of the operator.
     fn inject(&mut self, at: usize) -> Result<()> {
         let (n, b) = (self.op.dim(), self.options.block);
-        let x = Mat::from_fn(n, b, |_, _| self.random.next());
+        let x = Mat::from_fn(n, b, |_, _| self.random.scalar());
+        self.begin(at, x)
+    }
+
+    /// A new block after the first `at` columns, from one application of the operator.
+    fn begin(&mut self, at: usize, x: Mat<T>) -> Result<()> {
         self.apply(x.as_ref(), at)?;
         let before = self.block_norms(at)?;
-        let mut ignored = Mat::zeros(at, b);
+        let mut ignored = Mat::zeros(at, self.options.block);
         self.orthogonalise(at, &mut ignored);
         self.orthonormalise_block(at, &before)?;
         Ok(())
     }
 
     /// v[:, at..at+b] = Op x.
-    fn apply(&mut self, x: MatRef<'_, f64>, at: usize) -> Result<()> {
+    fn apply(&mut self, x: MatRef<'_, T>, at: usize) -> Result<()> {
         self.counts.add("operator applications", x.ncols() as u64);
         let out = self.v.as_mut().subcols_mut(at, x.ncols());
         self.op.apply(x, out)
@@ -139,7 +161,7 @@ impl<'a, O: Operator> Space<'a, O> {
     }
 
     /// Twice classical Gram-Schmidt of the block at `at` against all columns before it; adds the coefficients to `h`.
-    fn orthogonalise(&mut self, at: usize, h: &mut Mat<f64>) {
+    fn orthogonalise(&mut self, at: usize, h: &mut Mat<T>) {
         if at == 0 {
             return;
         }
@@ -149,14 +171,14 @@ impl<'a, O: Operator> Space<'a, O> {
             let (basis, block) = self.v.as_mut().split_at_col_mut(at);
             let basis = basis.rb();
             let coefficients = tall_product(basis, self.weighed.as_ref());
-            matmul(block.subcols_mut(0, b), Accum::Add, basis, coefficients.as_ref(), -1.0, Par::Seq);
+            matmul(block.subcols_mut(0, b), Accum::Add, basis, coefficients.as_ref(), T::real(-1.0), Par::Seq);
             *h += coefficients;
         }
     }
 
     /// W-orthonormal columns of the block at `at`; returns the upper triangular R. A direction that has vanished, compared with
     /// `before`, is replaced by a random one with a zero row in R; where the space is exhausted, by zero.
-    fn orthonormalise_block(&mut self, at: usize, before: &[f64]) -> Result<Mat<f64>> {
+    fn orthonormalise_block(&mut self, at: usize, before: &[f64]) -> Result<Mat<T>> {
         let b = self.options.block;
         let mut r = Mat::zeros(b, b);
         for c in 0..b {
@@ -167,7 +189,7 @@ impl<'a, O: Operator> Space<'a, O> {
             }
             let norm = self.norm(column)?;
             if norm > DEPENDENT * before[c] {
-                r[(c, c)] = norm;
+                r[(c, c)] = T::real(norm);
                 self.divide(column, norm);
             } else {
                 self.replace(column)?;
@@ -178,7 +200,7 @@ impl<'a, O: Operator> Space<'a, O> {
 
     /// A new direction at `column`, orthogonal to all before it; zero where there is none left.
     fn replace(&mut self, column: usize) -> Result<()> {
-        let x = Mat::from_fn(self.op.dim(), 1, |_, _| self.random.next());
+        let x = Mat::from_fn(self.op.dim(), 1, |_, _| self.random.scalar());
         self.apply(x.as_ref(), column)?;
         let before = self.norm(column)?;
         self.project_out(column, 0)?;
@@ -186,13 +208,13 @@ impl<'a, O: Operator> Space<'a, O> {
         if norm > DEPENDENT_RANDOM * before {
             self.divide(column, norm);
         } else {
-            self.v.as_mut().col_mut(column).fill(0.0);
+            self.v.as_mut().col_mut(column).fill(T::real(0.0));
         }
         Ok(())
     }
 
     /// Twice Gram-Schmidt of one column against those from `start` on; returns the coefficients.
-    fn project_out(&mut self, column: usize, start: usize) -> Result<Mat<f64>> {
+    fn project_out(&mut self, column: usize, start: usize) -> Result<Mat<T>> {
         let mut sum = Mat::zeros(column - start, 1);
         if column == start {
             return Ok(sum);
@@ -203,7 +225,7 @@ impl<'a, O: Operator> Space<'a, O> {
             let (basis, rest) = self.v.as_mut().split_at_col_mut(column);
             let basis = basis.rb().subcols(start, column - start);
             let coefficients = tall_product(basis, weighed.rb());
-            matmul(rest.subcols_mut(0, 1), Accum::Add, basis, coefficients.as_ref(), -1.0, Par::Seq);
+            matmul(rest.subcols_mut(0, 1), Accum::Add, basis, coefficients.as_ref(), T::real(-1.0), Par::Seq);
             sum += coefficients;
         }
         Ok(sum)
@@ -212,7 +234,7 @@ impl<'a, O: Operator> Space<'a, O> {
     fn divide(&mut self, column: usize, norm: f64) {
         let mut x = self.v.as_mut().col_mut(column);
         for i in 0..x.nrows() {
-            x[i] /= norm;
+            x[i] = x[i] / norm;
         }
     }
 
@@ -225,7 +247,7 @@ impl<'a, O: Operator> Space<'a, O> {
         let x = self.v.subcols(column, 1);
         let mut weighed = self.weighed.as_mut().subcols_mut(0, 1);
         self.op.weigh(x, weighed.rb_mut());
-        let sum: f64 = (0..self.op.dim()).map(|i| x[(i, 0)] * weighed[(i, 0)]).sum();
+        let sum: f64 = (0..self.op.dim()).map(|i| (x[(i, 0)].conjugate() * weighed[(i, 0)]).wide().re).sum();
         if sum.is_finite() {
             return Ok(sum.max(0.0).sqrt());
         }
@@ -242,11 +264,11 @@ impl<'a, O: Operator> Space<'a, O> {
             residual: f64::NAN,
         };
         let (value, vector) = if self.options.symmetric {
-            let symmetric = Mat::from_fn(p, p, |i, j| 0.5 * (t[(i, j)] + t[(j, i)]));
+            let symmetric = Mat::from_fn(p, p, |i, j| (t[(i, j)] + t[(j, i)].conjugate()) / 2.0);
             let eigen = symmetric.self_adjoint_eigen(Side::Lower).map_err(|_| failed())?;
-            let value: Vec<c64> = (0..p).map(|k| c64::new(eigen.S()[k], 0.0)).collect();
+            let value: Vec<c64> = (0..p).map(|k| eigen.S()[k].wide()).collect();
             let u = eigen.U();
-            (value, Mat::from_fn(p, p, |i, j| c64::new(u[(i, j)], 0.0)))
+            (value, Mat::from_fn(p, p, |i, j| u[(i, j)].wide()))
         } else {
             let eigen = t.eigen().map_err(|_| failed())?;
             let u = eigen.U();
@@ -268,7 +290,7 @@ impl<'a, O: Operator> Space<'a, O> {
         let residual = |k: usize| {
             let mut sum = 0.0;
             for i in 0..b {
-                let row: c64 = (0..p).map(|j| vector[(j, k)] * below[(i, j)]).sum();
+                let row: c64 = (0..p).map(|j| vector[(j, k)] * below[(i, j)].wide()).sum();
                 sum += row.norm_sqr();
             }
             sum.sqrt()
@@ -283,12 +305,12 @@ impl<'a, O: Operator> Space<'a, O> {
     /// Shrink the space to the first `keep` Ritz vectors (one more where a conjugate pair would be cut).
     pub fn restart(&mut self, ritz: &Ritz, keep: usize) {
         let (p, b) = (self.size, self.options.block);
-        let q = real_basis(ritz, keep);
+        let q = basis::<T>(ritz, keep);
         let k = q.ncols();
-        let t = q.transpose() * self.t.submatrix(0, 0, p, p) * &q;
+        let t = q.adjoint() * self.t.submatrix(0, 0, p, p) * &q;
         let below = self.t.submatrix(p, 0, b, p) * &q;
         compress(self.v.as_mut(), q.as_ref(), p, b);
-        self.t.fill(0.0);
+        self.t.fill(T::real(0.0));
         self.t.as_mut().submatrix_mut(0, 0, k, k).copy_from(&t);
         self.t.as_mut().submatrix_mut(k, 0, b, k).copy_from(&below);
         self.size = k;
@@ -298,26 +320,18 @@ impl<'a, O: Operator> Space<'a, O> {
     pub fn restart_afresh(&mut self, ritz: &Ritz, keep: usize) -> Result<()> {
         self.restart(ritz, keep);
         let k = self.size;
-        self.t.as_mut().submatrix_mut(k, 0, self.options.block, k).fill(0.0);
+        self.t.as_mut().submatrix_mut(k, 0, self.options.block, k).fill(T::real(0.0));
         self.counts.add("random restarts", 1);
         self.inject(k)
     }
 
     /// Cycles until the wanted pairs have converged.
     pub fn converge(&mut self, cancel: &Cancel) -> Result<Ritz> {
-        let mut ritz = self.cycle(cancel)?;
-        for _ in 0..self.options.max_cycles {
-            let n = self.converged(&ritz);
-            if n >= self.options.wanted {
-                return Ok(ritz);
-            }
-            let wanted = self.options.wanted;
-            let spare = self.size.saturating_sub(wanted + 2 * self.options.block);
-            let keep = (wanted + spare / 2).min(self.size - self.options.block - 1);
-            self.restart(&ritz, keep);
-            ritz = self.cycle(cancel)?;
-        }
+        let ritz = self.best(cancel)?;
         let n = self.converged(&ritz);
+        if n >= self.options.wanted {
+            return Ok(ritz);
+        }
         Err(Error::Convergence {
             message: format!(
                 "only {n} of {} modes converged in {} restarts",
@@ -328,6 +342,22 @@ impl<'a, O: Operator> Space<'a, O> {
         })
     }
 
+    /// Cycles until the wanted pairs have converged, or to the last cycle.
+    pub fn best(&mut self, cancel: &Cancel) -> Result<Ritz> {
+        let mut ritz = self.cycle(cancel)?;
+        for _ in 0..self.options.max_cycles {
+            if self.converged(&ritz) >= self.options.wanted {
+                break;
+            }
+            let wanted = self.options.wanted;
+            let spare = self.size.saturating_sub(wanted + 2 * self.options.block);
+            let keep = (wanted + spare / 2).min(self.size - self.options.block - 1);
+            self.restart(&ritz, keep);
+            ritz = self.cycle(cancel)?;
+        }
+        Ok(ritz)
+    }
+
     /// Leading pairs with small residuals.
     pub fn converged(&self, ritz: &Ritz) -> usize {
         let good = |k: &usize| ritz.residual[*k] <= self.options.tol * ritz.value[*k].norm();
@@ -336,36 +366,41 @@ impl<'a, O: Operator> Space<'a, O> {
 
     /// Ritz vectors in the full space.
     pub fn vectors(&self, ritz: &Ritz, count: usize) -> Mat<c64> {
-        let p = self.size;
-        let part = |f: &dyn Fn(c64) -> f64| {
-            let u = Mat::from_fn(p, count, |i, j| f(ritz.vector[(i, j)]));
-            self.v.subcols(0, p) * u
-        };
-        let (re, im) = (part(&|z| z.re), part(&|z| z.im));
-        Mat::from_fn(re.nrows(), count, |i, j| c64::new(re[(i, j)], im[(i, j)]))
+        T::combined(self.v.subcols(0, self.size), ritz.vector.subcols(0, count))
     }
+}
 
+impl<O: Operator> Space<'_, O> {
     pub fn real_vectors(&self, ritz: &Ritz, count: usize) -> Mat<f64> {
         let u = Mat::from_fn(self.size, count, |i, j| ritz.vector[(i, j)].re);
         self.v.subcols(0, self.size) * u
     }
 }
 
-/// basis^T x in slices of rows that stay in cache.
-fn tall_product(basis: MatRef<'_, f64>, x: MatRef<'_, f64>) -> Mat<f64> {
+/// basis^H x in slices of rows that stay in cache.
+fn tall_product<T: Field>(basis: MatRef<'_, T>, x: MatRef<'_, T>) -> Mat<T> {
     const SLICE: usize = 512;
     let mut out = Mat::zeros(basis.ncols(), x.ncols());
     let mut row = 0;
     while row < basis.nrows() {
         let len = SLICE.min(basis.nrows() - row);
-        matmul(out.as_mut(), Accum::Add, basis.subrows(row, len).transpose(), x.subrows(row, len), 1.0, Par::Seq);
+        matmul_with_conj(
+            out.as_mut(),
+            Accum::Add,
+            basis.subrows(row, len).transpose(),
+            Conj::Yes,
+            x.subrows(row, len),
+            Conj::No,
+            T::real(1.0),
+            Par::Seq,
+        );
         row += len;
     }
     out
 }
 
 /// V[:, ..k] = V[:, ..p] Q and the block that follows moves up behind it, slice by slice in place.
-fn compress(mut v: MatMut<'_, f64>, q: MatRef<'_, f64>, p: usize, b: usize) {
+fn compress<T: Field>(mut v: MatMut<'_, T>, q: MatRef<'_, T>, p: usize, b: usize) {
     const SLICE: usize = 512;
     let (n, k) = (v.nrows(), q.ncols());
     let mut row = 0;
@@ -380,19 +415,17 @@ fn compress(mut v: MatMut<'_, f64>, q: MatRef<'_, f64>, p: usize, b: usize) {
     }
 }
 
-/// Orthonormal real columns that span the leading Ritz vectors and, with each, its conjugate.
-fn real_basis(ritz: &Ritz, keep: usize) -> Mat<f64> {
+/// Orthonormal columns that span the leading Ritz vectors; real ones span with each its conjugate.
+fn basis<T: Field>(ritz: &Ritz, keep: usize) -> Mat<T> {
     let p = ritz.vector.nrows();
-    let mut columns: Vec<Vec<f64>> = Vec::new();
+    let mut columns: Vec<Vec<T>> = Vec::new();
     let mut k = 0;
     while k < p && columns.len() < keep {
-        let paired = ritz.value[k].im != 0.0;
-        columns.push((0..p).map(|i| ritz.vector[(i, k)].re).collect());
-        if paired {
-            columns.push((0..p).map(|i| ritz.vector[(i, k)].im).collect());
-            k += 1; // its conjugate spans the same plane
-        }
-        k += 1;
+        let vector: Vec<c64> = (0..p).map(|i| ritz.vector[(i, k)]).collect();
+        let paired = T::IS_REAL && ritz.value[k].im != 0.0;
+        columns.extend(T::columns(&vector, paired));
+        // its conjugate spans the same plane
+        k += if paired { 2 } else { 1 };
     }
     let a = Mat::from_fn(p, columns.len(), |i, j| columns[j][i]);
     a.qr().compute_thin_Q()

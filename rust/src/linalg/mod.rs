@@ -6,6 +6,7 @@ pub mod eigen;
 pub mod elimination;
 pub mod entries;
 pub mod expm;
+pub mod field;
 pub mod hessenberg;
 pub mod jacobi;
 pub mod kkt;

@@ -7,11 +7,15 @@ use faer::sparse::linalg::SupernodalThreshold;
 use faer::sparse::linalg::cholesky::{
     CholeskySymbolicParams, LdltRef, LltRef, SymbolicCholesky, SymbolicCholeskyRaw, factorize_symbolic_cholesky,
 };
+use faer::sparse::linalg::lu::simplicial::{
+    SimplicialLu, factorize_simplicial_numeric_lu, factorize_simplicial_numeric_lu_scratch,
+};
 use faer::sparse::linalg::lu::{LuRef, NumericLu, SymbolicLu, factorize_symbolic_lu};
 use faer::sparse::{SparseColMatRef, SymbolicSparseColMatRef};
-use faer::{Conj, Mat, MatMut, MatRef, Par, Side};
+use faer::{Conj, Mat, MatMut, MatRef, Par, Side, c64};
 
 use crate::error::{Error, Result};
+use crate::linalg::field::Field;
 use crate::tolerances::matrices::{INERTIA_RESIDUAL, SAME_ENTRY};
 
 /// Compressed columns with sorted, unique row indices.
@@ -143,9 +147,9 @@ impl Csc {
     }
 
     /// out = A x, or out += A x.
-    pub fn multiply(&self, x: MatRef<'_, f64>, mut out: MatMut<'_, f64>, add: bool) {
+    pub fn multiply<T: Field>(&self, x: MatRef<'_, T>, mut out: MatMut<'_, T>, add: bool) {
         if !add {
-            out.fill(0.0);
+            out.fill(T::real(0.0));
         }
         for c in 0..x.ncols() {
             let (Some(x), Some(y)) = (x.col(c).try_as_col_major().map(|x| x.as_slice()), out.rb_mut_col(c)) else {
@@ -154,7 +158,7 @@ impl Csc {
             for (j, xj) in x.iter().enumerate() {
                 let range = self.start[j] as usize..self.start[j + 1] as usize;
                 for (i, v) in self.row[range.clone()].iter().zip(&self.value[range]) {
-                    y[*i as usize] += v * xj;
+                    y[*i as usize] += *xj * *v;
                 }
             }
         }
@@ -175,12 +179,12 @@ impl Csc {
 }
 
 /// A column of a column-major matrix as a slice.
-trait ColumnSlice {
-    fn rb_mut_col(&mut self, j: usize) -> Option<&mut [f64]>;
+trait ColumnSlice<T> {
+    fn rb_mut_col(&mut self, j: usize) -> Option<&mut [T]>;
 }
 
-impl ColumnSlice for MatMut<'_, f64> {
-    fn rb_mut_col(&mut self, j: usize) -> Option<&mut [f64]> {
+impl<T> ColumnSlice<T> for MatMut<'_, T> {
+    fn rb_mut_col(&mut self, j: usize) -> Option<&mut [T]> {
         use faer::prelude::ReborrowMut;
         self.rb_mut().col_mut(j).try_as_col_major_mut().map(|c| c.as_slice_mut())
     }
@@ -188,7 +192,90 @@ impl ColumnSlice for MatMut<'_, f64> {
 
 enum Kind {
     Llt { symbolic: SymbolicCholesky<u32>, value: Vec<f64> },
-    Lu { symbolic: Arc<SymbolicLu<u32>>, numeric: NumericLu<u32, f64> },
+    Lu(Lu<f64>),
+}
+
+/// Factors of a square matrix, real or complex.
+pub struct Lu<T> {
+    symbolic: Arc<SymbolicLu<u32>>,
+    numeric: NumericLu<u32, T>,
+}
+
+impl<T: Field> Lu<T> {
+    /// Of the matrix with the entries of `pattern` and these values.
+    pub fn new(pattern: &Csc, value: &[T], plan: &LuPlan) -> Result<Self> {
+        let symbolic = plan.of(pattern)?;
+        let mut numeric = NumericLu::new();
+        let mut memory = MemBuffer::try_new(symbolic.factorize_numeric_lu_scratch::<T>(Par::Seq, Default::default()))
+            .map_err(|e| failed("allocation", e))?;
+        let a = SparseColMatRef::new(pattern.pattern(), value);
+        symbolic
+            .factorize_numeric_lu(&mut numeric, a, Par::Seq, MemStack::new(&mut memory), Default::default())
+            .map_err(|e| failed("factorisation", e))?;
+        Ok(Lu { symbolic, numeric })
+    }
+
+    fn factors(&self) -> LuRef<'_, u32, T> {
+        LuRef::new_unchecked(&self.symbolic, &self.numeric)
+    }
+
+    pub fn solve(&self, rhs: MatMut<'_, T>) {
+        let mut memory = MemBuffer::new(self.symbolic.solve_in_place_scratch::<T>(rhs.ncols(), Par::Seq));
+        self.factors().solve_in_place_with_conj(Conj::No, rhs, Par::Seq, MemStack::new(&mut memory));
+    }
+
+    pub fn solve_transposed(&self, rhs: MatMut<'_, T>) {
+        let mut memory = MemBuffer::new(self.symbolic.solve_transpose_in_place_scratch::<T>(rhs.ncols(), Par::Seq));
+        self.factors().solve_transpose_in_place_with_conj(Conj::No, rhs, Par::Seq, MemStack::new(&mut memory));
+    }
+}
+
+/// The argument of the determinant of a complex matrix, up to whole turns; None where a pivot is zero.
+pub fn argument_of_determinant(pattern: &Csc, value: &[c64], plan: &LuPlan) -> Result<Option<f64>> {
+    let n = pattern.rows;
+    let symbolic = plan.of(pattern)?;
+    let (mut row, mut inverse) = (vec![0_u32; n], vec![0_u32; n]);
+    let mut factors = SimplicialLu::<u32, c64>::new();
+    let mut memory = MemBuffer::try_new(factorize_simplicial_numeric_lu_scratch::<u32, c64>(n, n))
+        .map_err(|e| failed("allocation", e))?;
+    let done = factorize_simplicial_numeric_lu(
+        &mut row,
+        &mut inverse,
+        &mut factors,
+        SparseColMatRef::new(pattern.pattern(), value),
+        symbolic.col_perm(),
+        MemStack::new(&mut memory),
+    );
+    if done.is_err() {
+        return Ok(None);
+    }
+    let upper = factors.u_factor_unsorted();
+    let mut product = c64::new(1.0, 0.0);
+    for j in 0..n {
+        // the pivot is the last entry of its column
+        let pivot = upper.val()[upper.col_ptr()[j + 1] as usize - 1];
+        let size = pivot.norm();
+        if size.is_nan() || size <= 0.0 || size.is_infinite() {
+            return Ok(None);
+        }
+        product *= pivot / size;
+    }
+    let odd = is_odd(&row) != is_odd(symbolic.col_perm().arrays().0);
+    Ok(Some(if odd { -product } else { product }.arg()))
+}
+
+fn is_odd(permutation: &[u32]) -> bool {
+    let mut seen = vec![false; permutation.len()];
+    let mut odd = false;
+    for first in 0..permutation.len() {
+        let mut at = first;
+        while !seen[at] {
+            seen[at] = true;
+            at = permutation[at] as usize;
+            odd ^= at != first;
+        }
+    }
+    odd
 }
 
 /// The elimination order of a pattern, kept for matrices that differ in values alone.
@@ -279,20 +366,13 @@ impl Factor {
 
     /// The same with an order that serves several matrices.
     pub fn lu_as_planned(a: &Csc, plan: &LuPlan) -> Result<Self> {
-        let symbolic = plan.of(a)?;
-        let mut numeric = NumericLu::new();
-        let mut memory = MemBuffer::try_new(symbolic.factorize_numeric_lu_scratch::<f64>(Par::Seq, Default::default()))
-            .map_err(|e| failed("allocation", e))?;
-        symbolic
-            .factorize_numeric_lu(&mut numeric, a.as_faer(), Par::Seq, MemStack::new(&mut memory), Default::default())
-            .map_err(|e| failed("factorisation", e))?;
-        Ok(Factor::with(a.rows, Kind::Lu { symbolic, numeric }))
+        Ok(Factor::with(a.rows, Kind::Lu(Lu::new(a, &a.value, plan)?)))
     }
 
     pub fn solve(&self, rhs: MatMut<'_, f64>) {
         let need = match &self.kind {
             Kind::Llt { symbolic, .. } => symbolic.solve_in_place_scratch::<f64>(rhs.ncols(), Par::Seq),
-            Kind::Lu { symbolic, .. } => symbolic.solve_in_place_scratch::<f64>(rhs.ncols(), Par::Seq),
+            Kind::Lu(lu) => lu.symbolic.solve_in_place_scratch::<f64>(rhs.ncols(), Par::Seq),
         };
         let mut memory = self.memory.lock().unwrap_or_else(PoisonError::into_inner);
         if memory.len() < need.unaligned_bytes_required() {
@@ -303,8 +383,7 @@ impl Factor {
             Kind::Llt { symbolic, value } => {
                 LltRef::<'_, u32, f64>::new(symbolic, value).solve_in_place_with_conj(Conj::No, rhs, Par::Seq, stack)
             }
-            Kind::Lu { symbolic, numeric } => LuRef::<'_, u32, f64>::new_unchecked(symbolic, numeric)
-                .solve_in_place_with_conj(Conj::No, rhs, Par::Seq, stack),
+            Kind::Lu(lu) => lu.factors().solve_in_place_with_conj(Conj::No, rhs, Par::Seq, stack),
         }
     }
 

@@ -5,14 +5,16 @@ use pyo3::types::PyDict;
 
 use super::border::{counts_dict, interruptible, matrix, to_numpy, to_numpy_complex};
 use super::frf::values_fit;
-use crate::analysis::frf_sparse::SparseSystem;
-use crate::analysis::ports::Ports;
-use crate::analysis::sparse_damped::{self, Damped};
-use crate::analysis::sparse_modal::{self, SymmetricModes};
-use crate::analysis::sparse_pencil::{Assembled, Mixed, Pencil};
 use crate::error::{Error, Result};
 use crate::linalg::sparse::Csc;
 use crate::second_order;
+use crate::second_order::frf_sparse::SparseSystem;
+use crate::second_order::ports::Ports;
+use crate::second_order::sparse_damped;
+use crate::second_order::sparse_damped::Damped;
+use crate::second_order::sparse_modal;
+use crate::second_order::sparse_modal::SymmetricModes;
+use crate::second_order::sparse_pencil::{Assembled, Mixed, Pencil};
 
 pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(sparse_modes, module)?)?;
@@ -72,13 +74,17 @@ fn sparse_modes<'py>(
         return symmetric_dict(py, modes);
     }
     let d = d.unwrap_or_else(|| Csc::from_entries(m.rows, m.cols, Vec::new()));
-    let modes = interruptible(py, move |cancel| sparse_damped::lowest(&Damped::new(m, d, s)?, n, sigma, cancel))?;
+    if sigma.is_some() {
+        return Err(Error::model("a shift needs symmetric matrices without damping").into());
+    }
+    let modes = interruptible(py, move |cancel| sparse_damped::lowest(&Damped::new(m, d, s)?, n, cancel))?;
     let out = PyDict::new(py);
     out.set_item("eigenvalue", modes.s.into_pyarray(py))?;
     out.set_item("shape", to_numpy_complex(py, modes.shape.as_ref()))?;
     out.set_item("residual", modes.residual.into_pyarray(py))?;
+    out.set_item("error", modes.error.into_pyarray(py))?;
     out.set_item("rigid", modes.rigid)?;
-    out.set_item("sigma", modes.sigma)?;
+    out.set_item("verified", modes.verified)?;
     out.set_item("counts", counts_dict(py, &modes.counts)?)?;
     out.set_item("route", "sparse shift-invert, damped")?;
     Ok(out)

@@ -67,3 +67,33 @@ pub const SAME_ROOT: f64 = 1e-7;
 /// Real part of a root, over its modulus, above which a vibration grows, where the estimated error is smaller. Larger: slow flutter is
 /// called vibration. Smaller: rounding of undamped roots is called flutter. Pinned by tests/linear/test_sparse_general.py.
 pub const GROWS: f64 = 1e-10;
+/// Turn of the argument of a determinant, in radians, that the last terms of its series may make on one panel of a path. Larger: wrong counts
+/// of roots. Smaller: determinants without need.
+pub const COUNT_TURN: f64 = 0.02;
+/// Distance of all turns from a whole number of half turns, in radians, up to which it counts roots. Larger: a root is lost. Smaller:
+/// rounding leaves counts open.
+pub const COUNT_DOUBT: f64 = 0.3;
+/// Panels of a path after which a count is left open. Larger: work without end where roots lie on the path. Smaller: counts are left open
+/// that need not be.
+pub const COUNT_PANELS: usize = 400;
+
+/// Part of EPS that the rounding of single entries usually leaves in a root, typical of chains (measured). Larger: estimates are
+/// pessimistic. Smaller: they are too small.
+pub const ENTRY_NOISE: f64 = 0.01;
+/// Distance of a factor from the root whose left vector it gives, over the root. Larger: more steps of inverse iteration. Smaller: a
+/// pivot of zero.
+pub const BESIDE: f64 = 1e-13;
+/// Residual of a Ritz pair, over its value, up to which it may be a root where a moving shift looks for the lowest one. Larger: the
+/// shift runs after rounding. Smaller: it stays away from roots that are close together. No answer depends on it.
+pub const PLAUSIBLE: f64 = 0.1;
+/// The same, at which the shift no longer moves. Larger: it stops too far from the roots. Smaller: factors without need. No answer depends on it.
+pub const NEARLY_ROOT: f64 = 1e-4;
+/// Imaginary part of a root, over its modulus, below which it is real. Larger: heavily damped pairs are taken as two real roots. Smaller: a
+/// real root gets a conjugate.
+pub const REAL_ROOT: f64 = 1e-12;
+/// A gap between the moduli of neighbouring roots, over them, that a circle can pass. Larger: counts are left open that need not be. Smaller:
+/// rounding decides on which side of the circle a root lies.
+pub const NARROW: f64 = 1e-13;
+/// Distance of a shift from the lowest of roots that are close together, over the extent of those seen. Larger: it sees fewer of them.
+/// Smaller: its factors see this one alone. No answer depends on it.
+pub const BESIDE_CROWD: f64 = 0.01;
