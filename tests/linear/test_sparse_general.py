@@ -12,7 +12,9 @@ import numpy as np
 import pytest
 from constraint_models import frame
 from mbrs.flexible import beam
+from mbrs.linear import sparse_modes
 from mbrs.linear.sparse_modes import model_modes
+from random_models import random_tree
 from scipy.optimize import brentq
 
 # length and mass of a metre and a kilogram; time is in seconds
@@ -53,6 +55,31 @@ class Chain:
             "universal": [turned, 1.2 * turned],
             "bushing": np.array([straight, 2 * straight, 3 * straight, turned, 2 * turned, 1.5 * turned]),
         }[kind]
+
+    def skew(self):
+        """A stiffness that couples across, of a bearing."""
+        k, turned = self.stiffness("bushing")[0] * 0.1, self.stiffness("bushing")[3] * 0.1
+        full = np.diag([k, k, k, turned, turned, turned])
+        full[0, 1], full[1, 0], full[3, 4] = 0.5 * k, -0.5 * k, 0.3 * turned
+        return full
+
+    def arm(self):
+        """A flexible body that the chain carries by its root, and that carries a weight."""
+        axes, second = frame(int(self.rng.integers(1000))), self.mass * self.length**3
+        span = 0.7 * self.length
+        one = beam(
+            span,
+            mass=2.0 * self.mass / self.length,
+            EI_flap=900 * second,
+            EI_edge=1500 * second,
+            modes=4,
+            attach=["tip"],
+        )
+        made = self.model.flexible_body("arm", one, at=self.end, orientation=axes)
+        self.model.fixed("hold", "b20", made.node("root"), at=self.end)
+        tip = self.end + axes @ [span, 0, 0]
+        weight = self.body("weight", tip)
+        self.model.bushing("load", made.node("tip"), weight, at=tip, k=self.stiffness("bushing"))
 
     def link(self, kind, i, last):
         m, step = self.model, self.point(*(self.rng.normal(size=3) * 0.05 + [0.12, 0.02, -0.05]))
@@ -202,6 +229,78 @@ def test_a_free_body_of_the_model_keeps_its_joint():
     compare(made.model, mb.equilibrium(made.model))
 
 
+@seeds
+def test_bodies_that_nothing_holds_go_to_the_dense_route(seed, monkeypatch):
+    """Rigid motions are double roots, whose number a search does not prove where matrices are not symmetric."""
+    made = Chain(seed, (1.0, 1.0), gravity=False)
+    made.model.bushing("bearing", made.model.ground, "b12", at=made.end, k=made.skew())
+    one, other = (
+        made.body(name, made.end + made.point(*p)) for name, p in (("one", (0, 0, 0)), ("two", (0.1, 0.1, 0)))
+    )
+    made.model.bushing("loose", one, other, at=made.end, k=made.stiffness("bushing"))
+    assert model_modes(made.model, None, 8, (), time.perf_counter()) is None
+    monkeypatch.setattr(sparse_modes, "_DENSE_AT_MOST", 10)
+    with pytest.raises(mb.RouteError):
+        model_modes(made.model, None, 8, (), time.perf_counter())
+
+
+@pytest.mark.filterwarnings("ignore::mbrs.errors.MbrsWarning")
+@pytest.mark.parametrize("seed", [*range(6), *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(6, 12))])
+def test_random_trees_that_move(seed):
+    """With all elements and loads: the lowest roots are those of the dense route, which takes over where some are real."""
+    rng = np.random.default_rng(seed)
+    m = random_tree(rng, 14, ("revolute", "universal", "spherical"), each=True)
+    at = mb.equilibrium(m).state
+    at = replace(at, rate=0.3 * rng.normal(size=len(mb.linearize(m).coordinates)), kind="given")
+    n = int(rng.integers(2, 5))
+    found, dense = model_modes(m, at, n, (), time.perf_counter()), mb.modes(m, at=at)
+    expected, real = dense.eigenvalue[:n], np.abs(dense.roots[dense.roots.imag == 0.0])
+    if len(real) and real.min() <= np.abs(expected).max():
+        assert found is None
+    else:
+        assert found is not None
+        assert np.abs(found.eigenvalue - expected).max() < 1e-8 * np.abs(expected).max()
+
+
+FEATURES = {
+    "follower": lambda c, f: c.model.force("push", "b29", at=c.end, value=20 * f * c.rng.normal(size=3), frame="body"),
+    "load": lambda c, f: c.model.force("dead", "b21", value=20 * f * c.rng.normal(size=3)),
+    "torque": lambda c, f: c.model.torque("turn", "b17", value=2 * f * c.length * c.rng.normal(size=3)),
+    "bearing": lambda c, f: c.model.bushing("bearing", c.model.ground, "b24", at=c.end, k=c.skew(), c=1e-4 * c.skew()),
+    "drive": lambda c, f: c.model.drive("held", "j6", 0.02),
+    "coupler": lambda c, f: c.model.coupler("gear", "j12", "j0", 1.7),
+    "function": lambda c, f: c.model.constraint(
+        "tie", lambda t, u: u[0] + 0.5 * u[1] + 0.3 * u[0] * u[1] / c.length, ["b29.motion.x", "b25.motion.y"]
+    ),
+    "edge": lambda c, f: c.model.knife_edge("edge", c.model.ground, "b10", at=c.end, axis=c.turn[:, 0]),
+    "loop": lambda c, f: c.model.spherical("close", "b29", "b15", at=c.end),
+    "redundant": lambda c, f: [c.model.fixed(name, "b29", "b15", at=c.end) for name in ("close", "again")],
+    "point": lambda c, f: c.model.prismatic(
+        "slide",
+        "b29",
+        c.model.body("point", mass=0.5 * c.mass, inertia=(0, 0, 0), at=c.end + c.point(0.1, 0, 0)),
+        at=c.end,
+        axis=c.turn[:, 1],
+        k=1e4 * c.mass,
+    ),
+    "arm": lambda c, f: c.arm(),
+}
+
+
+@pytest.mark.filterwarnings("ignore::mbrs.errors.MbrsWarning")
+@pytest.mark.parametrize("seed", [*range(8), *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(8, 40))])
+def test_features_in_any_company(seed):
+    rng = np.random.default_rng(seed)
+    made = Chain(seed, list(UNITS.values())[seed % 2], c=(0.0, 1e-4, 1e-3)[seed % 3], gravity=rng.random() < 0.7)
+    chosen = [name for name in FEATURES if rng.random() < 0.35 and (name != "loop" or rng.random() < 0.5)]
+    if "redundant" in chosen and "loop" in chosen:
+        chosen.remove("loop")
+    for name in chosen:
+        FEATURES[name](made, made.length * made.mass)
+    print(chosen)
+    compare(made.model, mb.equilibrium(made.model), n=int(rng.integers(3, 8)))
+
+
 def swirl(n, k=1e4, cross=30.0):
     """Points in a row, each held to the last by equal lateral springs and to ground by a cross-coupled bearing."""
     m, turn = mb.Model("swirl"), frame(3)
@@ -311,32 +410,31 @@ def test_trees_that_move(seed, unit, c):
 
 
 def spinning(n, spin, k=10.0):
-    """Discs at one place, each held to the last by equal springs of tilt, all spinning about one axis that ground lets go."""
+    """Discs at one place, each held to the last by equal springs of tilt, all spinning about one axis."""
     m, turn, at = mb.Model("spinning"), frame(2), np.array([0.2, 0.5, -0.3])
     last = m.ground
     for i in range(n):
         inertia = turn @ np.diag([1.0, 1.0, 1.6]) @ turn.T
         body = m.body(f"b{i}", mass=1.0, inertia=inertia, at=at, angular_velocity=spin * turn[:, 2])
-        m.bushing(f"e{i}", last, body, at=at, k=(1e6, 1e6, 1e6, k, k, 1e6 * (i > 0)), orientation=turn)
+        m.bushing(f"e{i}", last, body, at=at, k=(1e6, 1e6, 1e6, k, k, 1e6), orientation=turn)
         last = body
     return m
 
 
 def test_a_large_stack_of_spinning_discs():
-    """I_t w^2 -+ I_p W w - k_j = 0, k_j = 4 k sin^2((2j - 1) pi/(4n + 2)); the spin itself is free."""
+    """I_t w^2 -+ I_p W w - k_j = 0, k_j = 4 k sin^2((2j - 1) pi/(4n + 2))."""
     n, count, spin, k = 700, 9, 0.01, 10.0
     found = mb.modes(spinning(n, spin, k), n=count)
     held = 4 * k * np.sin((2 * np.arange(1, count + 1) - 1) * np.pi / (4 * n + 2)) ** 2
     root = np.sqrt((1.6 * spin) ** 2 + 4 * held)
-    w = np.sort(np.r_[root - 1.6 * spin, root + 1.6 * spin] / 2)[: count - 1]
-    error = np.abs(found.eigenvalue[1:].imag / w - 1)
+    w = np.sort(np.r_[root - 1.6 * spin, root + 1.6 * spin] / 2)[:count]
+    error = np.abs(found.eigenvalue.imag / w - 1)
     print(f"{error.max():.1e}, estimate {found.error.max():.1e}, {found.stats.wall_time:.2f} s, {found.stats.counts}")
     assert found.stats.route.startswith("sparse, general")
-    assert found.kind[0] == "rigid"
     assert error.max() < 1e-9
 
 
-@pytest.mark.parametrize("growth", [3e-9, 3e-6])
+@pytest.mark.parametrize("growth", [3e-8, 3e-6])
 def test_slow_growth_is_told_from_rounding(growth):
     """Whirls that nearly repeat: one of each pair grows by this part of its frequency, one decays."""
     n, k = 40, 1e4

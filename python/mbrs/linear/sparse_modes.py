@@ -60,7 +60,7 @@ class SparseModel:
     Attributes
     ----------
     coordinates, bodies
-        Names of the minimal coordinates and of the bodies.
+        Names of the minimal coordinates, and of the bodies with the nodes of flexible ones.
     motion
         (6 n_bodies, n) motion of the centres of mass in each mode, world axes.
     absolute
@@ -147,7 +147,7 @@ def model_modes(
             r = _core.sparse_model_modes(
                 snapshot.system, state.q, state.rate, state.acceleration.tolist(), list(without), n, _sigma(shift)
             )
-    except RouteError:
+    except (RouteError, ConvergenceError):
         if snapshot.system.n_tree > _DENSE_AT_MOST:
             raise
         return None
@@ -163,9 +163,9 @@ def model_modes(
     if not np.any(r["body"].imag):
         r["body"], r["motion"] = r["body"].real.copy(), r["motion"].real.copy()
     _sign(r)
-    names = tuple(body.name for body in model.bodies)
-    motion = r["body"][: 6 * len(names)]
-    system = SparseModel(tuple(r["coordinates"]), names, motion, r["motion"], r["arm"], state, without, snapshot)
+    # with the nodes of flexible bodies
+    names = tuple(snapshot.tables["body_name"])
+    system = SparseModel(tuple(r["coordinates"]), names, r["body"], r["motion"], r["arm"], state, without, snapshot)
     on = tuple(e for e in effects(model).on if e not in without)
     r["backward_error"] = r["residual"]
     # the small problem behind the modes has more of them, and no shapes of coordinates for partners

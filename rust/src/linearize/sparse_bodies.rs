@@ -107,7 +107,7 @@ fn general(
     let (problem, held) = match &form.motion {
         Some(motion) => (moving(&form, motion), false),
         None => {
-            let symmetric = pencil(&form, symmetrised(form.stiffness.clone()))?;
+            let symmetric = pencil(&form, symmetrised(form.size(), form.stiffness.clone()))?;
             (at_rest(&form), symmetric.shifted_at_zero()?.is_some())
         }
     };
@@ -138,7 +138,7 @@ fn at_rest(form: &SparseForm) -> Problem {
     }
 }
 
-/// Unknowns x_f, d, e of the bodies, y of the tree, forces of joints and of elements; see `system::sparse_motion`.
+/// Unknowns x_f, d, e of the bodies, y of the tree, forces of joints and of elements; see `sparse_motion`.
 fn moving(form: &SparseForm, motion: &Motion) -> Problem {
     let (n, ny) = (form.size(), motion.n_tree);
     let (e, y, joint, element) = (2 * n, 3 * n, 3 * n + ny, 4 * n + ny);
@@ -189,18 +189,17 @@ fn times(a: &Csc, b: &Csc) -> Csc {
 fn as_modal(found: &GeneralModes) -> Modal {
     let n = found.s.len();
     let kind = |k: usize| {
-        let (s, partner) = (found.s[k], found.partner[k]);
+        let s = found.s[k];
         let grows = s.re > GROWS.max(found.error[k]) * s.norm();
-        match (k < found.rigid, s.im != 0.0) {
-            (true, _) => Kind::Rigid,
-            (false, true) if grows => Kind::Flutter,
-            (false, true) => Kind::Vibration,
-            (false, false) if s.re > 0.0 || partner.re > 0.0 => Kind::Divergence,
-            (false, false) => Kind::Overdamped,
+        match s.im != 0.0 {
+            true if grows => Kind::Flutter,
+            true => Kind::Vibration,
+            // s and -s
+            false => Kind::Divergence,
         }
     };
     let mut groups: Vec<(usize, usize)> = Vec::new();
-    for k in found.rigid..n {
+    for k in 0..n {
         match groups.last_mut() {
             Some((first, count)) if (found.s[k] - found.s[*first]).norm() <= SAME_ROOT * found.s[k].norm() => {
                 *count += 1
@@ -209,9 +208,6 @@ fn as_modal(found: &GeneralModes) -> Modal {
         }
     }
     groups.retain(|g| g.1 > 1);
-    if found.rigid > 1 {
-        groups.insert(0, (0, found.rigid));
-    }
     Modal {
         s: found.s.clone(),
         partner: found.partner.clone(),

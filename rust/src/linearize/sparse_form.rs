@@ -17,6 +17,7 @@ use crate::error::{Error, Result};
 use crate::joint::Coordinate;
 use crate::linalg::entries::{Entries as Collect, Triplets};
 use crate::linalg::matrix::Matrix;
+use crate::linalg::sparse::Csc;
 use crate::linearize::loaded::loaded;
 use crate::linearize::sparse_motion::{Motion, motion};
 use crate::model::tables::{BodyRef, Tables};
@@ -96,7 +97,8 @@ impl SparseForm {
         let (rates, accelerations) = (moved.as_ref().map(|m| m.0.as_slice()), moved.as_ref().map(|m| m.1.as_slice()));
         let motion = rate.map(|_| motion(&tree, &free, &centres));
         let fold = Fold::of(&free, &system.geometry);
-        let empty = || Sink { list: Vec::new(), fold: fold.as_ref() };
+        let columns = free.dofs.len();
+        let empty = || Matrix::zeros(columns, columns, true);
         let mut builder = Builder {
             tree,
             free: scene(&free, &free_placement, rates, accelerations),
@@ -127,8 +129,9 @@ impl SparseForm {
         }
         counts.add("sparse rows", builder.compliance.len() as u64);
         let Builder { rows, compliance, connector, stiffness, damping, general, .. } = builder;
-        let settled = |list: Entries| if general { list } else { symmetrised(list) };
-        let (stiffness, damping) = (settled(stiffness.list), settled(damping.list));
+        let size = free.n_tree;
+        let settled = |list: Entries| if general { list } else { symmetrised(size, list) };
+        let [stiffness, damping] = [stiffness, damping].map(|m| settled(folded(&m, fold.as_ref())));
         Ok(SparseForm {
             mass,
             rows,
@@ -256,30 +259,21 @@ fn check(system: &System, state: &State, effects: Effects) -> Result<()> {
     Ok(())
 }
 
-/// (A + A^T)/2 entry by entry; duplicates add up later.
-pub fn symmetrised(entries: Entries) -> Entries {
-    let mirrored: Vec<_> = entries.iter().map(|(i, j, v)| (*j, *i, 0.5 * v)).collect();
-    let halves = entries.into_iter().map(|(i, j, v)| (i, j, 0.5 * v));
-    halves.chain(mirrored).collect()
+/// (A + A^T)/2. Duplicates are added up first: each entry and its mirror are then the same sum of two, to the last bit.
+pub fn symmetrised(n: usize, entries: Entries) -> Entries {
+    let a = Csc::from_entries(n, n, entries);
+    a.combined(0.5, 0.5, &a.transposed()).entries().collect()
 }
 
-/// Entries over columns, as they come to the coordinates.
-struct Sink<'a> {
-    list: Entries,
-    fold: Option<&'a Fold<'a, f64>>,
-}
-
-impl Collect<f64> for Sink<'_> {
-    fn add(&mut self, i: usize, j: usize, v: f64) {
-        if v == 0.0 {
-            return;
-        }
-        let list = &mut self.list;
-        match self.fold {
-            None => list.push((i, j, v)),
-            Some(fold) => fold.each(i, v, |i, v| fold.each(j, v, |j, v| list.push((i, j, v)))),
-        }
-    }
+/// From the columns to the coordinates.
+fn folded(matrix: &Matrix, fold: Option<&Fold<'_, f64>>) -> Entries {
+    let mut list = Vec::new();
+    matrix.each(|i, j, v| match fold {
+        _ if v == 0.0 => {}
+        None => list.push((i, j, v)),
+        Some(fold) => fold.each(i, v, |i, v| fold.each(j, v, |j, v| list.push((i, j, v)))),
+    });
+    list
 }
 
 struct Builder<'a> {
@@ -293,26 +287,30 @@ struct Builder<'a> {
     rows: Entries,
     compliance: Vec<f64>,
     connector: Vec<Option<usize>>,
-    stiffness: Sink<'a>,
-    damping: Sink<'a>,
+    /// over the columns, behind the coordinates those of nodes
+    stiffness: Matrix,
+    damping: Matrix,
 }
 
 /// A row over the coordinates.
 type Spread = Vec<(usize, f64)>;
 
 impl<'a> Builder<'a> {
-    fn empty(&self) -> Sink<'a> {
-        Sink { list: Vec::new(), fold: self.fold }
+    fn empty(&self) -> Matrix {
+        let columns = self.free.topology.dofs.len();
+        Matrix::zeros(columns, columns, true)
     }
 
     /// M; what gravity and velocities do to shapes and bodies goes into S and D.
     fn inertia(&mut self, counts: &mut Counts) -> Entries {
         let (mass, stiffness, gyroscopic) = self.free.inertia_tangent(counts, || self.empty());
         if self.loaded {
-            self.stiffness.list.extend(stiffness.list);
+            stiffness.each(|i, j, v| self.stiffness.add(i, j, v));
         }
-        self.damping.list.extend(gyroscopic.map_or_else(Vec::new, |g| g.list));
-        mass.list
+        if let Some(gyroscopic) = gyroscopic {
+            gyroscopic.each(|i, j, v| self.damping.add(i, j, v));
+        }
+        folded(&mass, self.fold)
     }
 
     /// g . (x_b - x_a) at a point.
@@ -350,7 +348,7 @@ impl<'a> Builder<'a> {
                 let n = rows.len();
                 self.elastic_rows(index, &DMatrix::from_fn(n, n, |i, j| k[i][j]), &rows)?;
                 if acting.damped {
-                    add_products(&mut self.damping.list, &DMatrix::from_fn(n, n, |i, j| slopes[i][j]), &rows);
+                    add_products(&mut self.damping, &DMatrix::from_fn(n, n, |i, j| slopes[i][j]), &rows);
                 }
             }
             let damping = acting.damped.then_some(&mut self.damping);
@@ -369,7 +367,7 @@ impl<'a> Builder<'a> {
             let rows: Vec<Spread> = (0..modal.m).map(|k| vec![(modal.first + k, 1.0)]).collect();
             self.elastic_rows(first + i, &DMatrix::from_row_slice(modal.m, modal.m, &g.k), &rows)?;
             if g.damped && self.free.effects.damping {
-                add_products(&mut self.damping.list, &DMatrix::from_row_slice(modal.m, modal.m, &g.c), &rows);
+                add_products(&mut self.damping, &DMatrix::from_row_slice(modal.m, modal.m, &g.c), &rows);
             }
         }
         Ok(())
@@ -393,7 +391,7 @@ impl<'a> Builder<'a> {
         let skewed = (0..n).any(|i| (0..n).any(|j| (k[(i, j)] - k[(j, i)]).abs() > NO_ENERGY * size(i) * size(j)));
         if skewed {
             self.general = true;
-            add_products(&mut self.stiffness.list, &DMatrix::from_fn(n, n, |i, j| k[(i, j)] - mean(i, j)), rows);
+            add_products(&mut self.stiffness, &DMatrix::from_fn(n, n, |i, j| k[(i, j)] - mean(i, j)), rows);
         }
         let scaled = Mat::from_fn(n, n, |i, j| mean(i, j) / (size(i) * size(j)));
         let eigen = scaled
@@ -417,7 +415,7 @@ impl<'a> Builder<'a> {
         if w > 0.0 {
             self.push_row(row, 1.0 / w, Some(index));
         } else if w < 0.0 {
-            add_products(&mut self.stiffness.list, &DMatrix::from_element(1, 1, w), &[row]);
+            add_products(&mut self.stiffness, &DMatrix::from_element(1, 1, w), &[row]);
         }
     }
 
@@ -440,12 +438,14 @@ impl<'a> Builder<'a> {
     /// The rows that are needed: those of tree joints and of cut ones, of drives, couplers and functions.
     fn constraints(&mut self, loops: Option<&LoopBlocks>) {
         let rows = &self.free.topology.rows;
-        let mut gradients = Triplets::new(rows.len(), self.free.topology.n_tree);
+        let mut gradients = Matrix::zeros(rows.len(), self.free.topology.n_tree, true);
         self.free.constraints_into(&mut gradients);
         let mut spread: Vec<Spread> = vec![Vec::new(); rows.len()];
-        for (i, j, v) in gradients.list.into_iter().filter(|e| e.2 != 0.0) {
-            spread[i as usize].push((j as usize, v));
-        }
+        gradients.each(|i, j, v| {
+            if v != 0.0 {
+                spread[i].push((j, v));
+            }
+        });
         let mut needed: Vec<bool> = rows.iter().map(|row| self.free.effects.row(row)).collect();
         for (of_tree, i) in self.row_places().into_iter().enumerate() {
             needed[i] &= loops.is_none_or(|l| l.dropped.binary_search(&of_tree).is_err());
@@ -494,10 +494,10 @@ impl<'a> Builder<'a> {
                 rows.iter().enumerate().for_each(|(k, (_, l))| all[first + k] = *l);
             }
         }
-        // folded there
-        let mut unfolded = Sink { list: std::mem::take(&mut self.stiffness.list), fold: None };
-        self.free.multiplier_stiffness_into(&all, &mut unfolded, counts);
-        self.stiffness.list = unfolded.list;
+        let n = self.free.topology.n_tree;
+        let mut made = Triplets::new(n, n);
+        self.free.multiplier_stiffness_into(&all, &mut made, counts);
+        made.list.into_iter().for_each(|(i, j, v)| self.stiffness.add(i as usize, j as usize, v));
     }
 
     /// Multipliers of the tree joints from the wrenches of their subtrees, W = -sum lam g.
@@ -532,11 +532,11 @@ impl<'a> Builder<'a> {
 }
 
 /// sum k_ij g_i^T g_j.
-fn add_products(out: &mut Entries, k: &DMatrix<f64>, rows: &[Spread]) {
+fn add_products(out: &mut Matrix, k: &DMatrix<f64>, rows: &[Spread]) {
     for (i, left) in rows.iter().enumerate() {
         for (j, right) in rows.iter().enumerate().filter(|(j, _)| k[(i, *j)] != 0.0) {
             for (p, a) in left {
-                out.extend(right.iter().map(|(q, b)| (*p, *q, k[(i, j)] * a * b)));
+                right.iter().for_each(|(q, b)| out.add(*p, *q, k[(i, j)] * a * b));
             }
         }
     }

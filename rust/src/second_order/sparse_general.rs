@@ -14,12 +14,21 @@ use crate::linalg::krylov::{Operator, Options, Ritz, Space};
 use crate::linalg::sparse::{Csc, Factor};
 use crate::run::{Cancel, Counts};
 use crate::tolerances::modes::DATA_ROUNDING;
-use crate::tolerances::sparse_modes::{FIRST_SHIFT, RIGID_PAIR, SAME_DAMPED, SAME_ROOT};
+use crate::tolerances::sparse_modes::{FIRST_SHIFT, HELD, RIGID_PAIR, SAME_DAMPED, SAME_ROOT, SAME_VALUE, TOLD};
 
-/// Restarts with new random vectors at most.
+/// Modes beyond the wanted ones: they are the nearest to a shift, which is not at zero. Searches with more of them, at most.
+const SPARE: usize = 2;
+const SEARCHES: usize = 4;
+/// Restarts with new random vectors at most, beside those that repeated roots need.
 const RESTARTS: usize = 4;
 /// Shifts that are tried at most.
 const SHIFTS: usize = 12;
+/// Distance of a shift over the slowest root, from which on it comes nearer; how near then; and how far where roots cannot be told apart.
+const TOO_FAR: f64 = 1.0;
+const NEARER: f64 = 0.3;
+const APPROACH: f64 = 0.1;
+/// Blur of a root over it, above which it is not told apart.
+const BLURRED: f64 = 0.3;
 /// Likeness of the shapes of two real roots from which on they are a pair.
 const ALIKE: f64 = 0.5;
 
@@ -44,13 +53,14 @@ pub struct GeneralModes {
     pub residual: Vec<f64>,
     /// estimated relative error of s
     pub error: Vec<f64>,
-    pub rigid: usize,
     pub counts: Counts,
 }
 
 /// Roots with the vectors of all unknowns.
 struct Roots {
     s: Vec<c64>,
+    /// modulus up to which none is missing
+    reach: f64,
     full: Mat<c64>,
     residual: Vec<f64>,
 }
@@ -74,11 +84,10 @@ impl Problem {
     }
 
     fn transposed(&self) -> Problem {
-        let turn = |x: &Csc| Csc::from_entries(x.cols, x.rows, x.entries().map(|(i, j, v)| (j, i, v)).collect());
         Problem {
-            m: turn(&self.m),
-            d: turn(&self.d),
-            a: turn(&self.a),
+            m: self.m.transposed(),
+            d: self.d.transposed(),
+            a: self.a.transposed(),
             strain: [self.strain[1].clone(), self.strain[0].clone()],
         }
     }
@@ -108,11 +117,11 @@ impl Problem {
         sum(&self.d) + 2.0 * s * sum(&self.m)
     }
 
-    /// Sizes of the terms of rows of elements and constraints, whose entries are rounded.
+    /// Sizes of the terms of stiffnesses and of rows of elements and constraints, whose entries are rounded.
     fn row_terms(&self, w: &[c64], u: &[c64]) -> f64 {
         let n = self.n();
-        let behind = self.a.entries().filter(|(i, j, _)| (*i >= n) != (*j >= n));
-        behind.map(|(i, j, v)| (w[i] * u[j] * v).norm()).sum()
+        let rounded = self.a.entries().filter(|(i, j, _)| *i < n || *j < n);
+        rounded.map(|(i, j, v)| (w[i] * u[j] * v).norm()).sum()
     }
 }
 
@@ -170,8 +179,17 @@ impl Operator for States<'_> {
 
 /// The `wanted` modes of smallest modulus. `free`: how many degrees of freedom there are. `held`: P(0) is known to be regular.
 pub fn lowest(problem: &Problem, wanted: usize, free: usize, held: bool, cancel: &Cancel) -> Result<GeneralModes> {
-    let options = Options::new(2 * wanted, false);
-    if 2 * free < options.dim + 3 * options.block {
+    search(problem, wanted, free, held, cancel).map_err(|e| match e {
+        Error::Convergence { message, .. } => {
+            Error::route(format!("{message}: take the dense route, mb.modes(m) without n=, which computes all of them"))
+        }
+        other => other,
+    })
+}
+
+fn search(problem: &Problem, wanted: usize, free: usize, held: bool, cancel: &Cancel) -> Result<GeneralModes> {
+    let fits = |options: &Options| 2 * free >= options.dim + 3 * options.block;
+    if !fits(&Options::new(2 * wanted, false)) {
         return Err(Error::route(format!(
             "{wanted} modes were asked for and {free} degrees of freedom exist: the sparse route of large models finds few of many modes \
              where forces are not symmetric; mb.modes(m) without n= computes all of them"
@@ -179,57 +197,140 @@ pub fn lowest(problem: &Problem, wanted: usize, free: usize, held: bool, cancel:
     }
     let mut counts = Counts::default();
     let (sigma, rate, factor) = shift(problem, held, &mut counts, cancel)?;
-    let right = roots(&problem.states(&factor, sigma, rate), wanted, options, &mut counts, cancel)?;
-    let turned = problem.transposed();
-    let of_turned = turned.factor(sigma)?;
-    counts.add("factorisations", 1);
-    let left = roots(&turned.states(&of_turned, sigma, rate), wanted, options, &mut counts, cancel)?;
-    Ok(settled(problem, right, &left, (wanted, sigma), counts))
+    let states = problem.states(&factor, sigma, rate);
+    let mut count = if sigma == 0.0 { wanted } else { wanted + SPARE };
+    for _ in 0..SEARCHES {
+        let options = Options::new(2 * count, false);
+        if !fits(&options) {
+            break;
+        }
+        let right = roots(&states, count, options, &mut counts, cancel)?;
+        // the shift lies below all roots that are not zero
+        if right.s.iter().any(|s| s.norm() < BLURRED * sigma.abs()) {
+            return Err(Error::route(
+                "nothing restrains this model, and its forces are not symmetric or it moves: how many rigid motions it has the sparse route of \
+                 large models does not prove; hold it, or take the dense route, mb.modes(m) without n=",
+            ));
+        }
+        let modes = paired(problem, &right.full, &right.s);
+        if modes.iter().take_while(|(k, _)| right.s[*k].norm() <= right.reach).count() < wanted {
+            count += wanted.max(2 * SPARE);
+            continue;
+        }
+        let turned = problem.transposed();
+        let of_turned = turned.factor(sigma)?;
+        counts.add("factorisations", 1);
+        let left = roots(&turned.states(&of_turned, sigma, rate), count, options, &mut counts, cancel)?;
+        return told(problem, settled(problem, &right, &left, wanted, counts));
+    }
+    Err(Error::route(format!(
+        "the {wanted} lowest roots of this model were not told from those behind them: take the dense route, mb.modes(m) without n="
+    )))
+}
+
+/// The modes, where the search tells what they are.
+fn told(problem: &Problem, found: GeneralModes) -> Result<GeneralModes> {
+    if (0..found.s.len()).any(|k| found.s[k].im == 0.0 && !is_mirrored(problem, &found, k)) {
+        return Err(Error::route(
+            "some of the lowest roots of this model are real, and which two of them make one mode only all of them tell: take the dense route, \
+             mb.modes(m) without n=",
+        ));
+    }
+    if found.error.iter().all(|e| *e <= TOLD) {
+        return Ok(found);
+    }
+    Err(Error::route(
+        "some of the lowest roots of this model are nearly defective or lost in rounding: take the dense route, mb.modes(m) without n=",
+    ))
+}
+
+/// Two real roots s and -s, as forces without any of velocities make them.
+fn is_mirrored(problem: &Problem, found: &GeneralModes, k: usize) -> bool {
+    let s = found.s[k];
+    problem.d.entries().all(|e| e.2 == 0.0) && (s + found.partner[k]).norm() <= SAME_DAMPED * s.norm()
 }
 
 /// A shift, the rate of the slowest motion that it sees, and the factor: zero where P(0) is regular, else a negative one of the size of
-/// the slowest motion that is not rigid.
+/// the slowest motion that is not rigid. From afar all roots look alike: the shift comes nearer until it tells the slowest one apart.
 fn shift(problem: &Problem, held: bool, counts: &mut Counts, cancel: &Cancel) -> Result<(f64, f64, Factor)> {
     let fastest = problem.fastest();
-    let mut sigma = if held { 0.0 } else { -fastest * FIRST_SHIFT.sqrt() };
-    let mut before = fastest;
+    if held {
+        let factor = problem.factor(0.0)?;
+        counts.add("factorisations", 1);
+        let (rate, resolved) = slowest(problem, (&factor, 0.0, fastest), counts, cancel)?;
+        if resolved && rate > HELD * fastest {
+            return Ok((0.0, rate, factor));
+        }
+    }
+    let (mut sigma, mut before) = (-fastest * FIRST_SHIFT.sqrt(), fastest);
     for _ in 0..SHIFTS {
         let factor = problem.factor(sigma)?;
         counts.add("factorisations", 1);
-        let rate = slowest(&problem.states(&factor, sigma, before), counts, cancel)?.unwrap_or(fastest);
-        if held || 10.0 * rate >= sigma.abs() {
+        let (rate, resolved) = slowest(problem, (&factor, sigma, before), counts, cancel)?;
+        if resolved && TOO_FAR * rate >= sigma.abs() {
             return Ok((sigma, rate, factor));
         }
-        (sigma, before) = (-0.3 * rate, rate);
+        (sigma, before) = if resolved { (-NEARER * rate, rate) } else { (APPROACH * sigma, rate.min(before)) };
     }
     Err(Error::route(
         "no shift was found from which the slow motions of this model are seen: take the dense route, mb.modes(m) without n=",
     ))
 }
 
-/// About the modulus of the slowest root that is not rigid, as few vectors see it.
-fn slowest(op: &States<'_>, counts: &mut Counts, cancel: &Cancel) -> Result<Option<f64>> {
-    let mut space = Space::new(op, Options { dim: 24, ..Options::new(6, false) })?;
-    let ritz = space.cycle(cancel)?;
-    counts.merge(&space.counts);
-    let moduli = ritz.value.iter().filter(|v| v.norm() > 0.0).map(|v| (op.sigma + v.inv()).norm());
-    let least = moduli.filter(|s| *s > RIGID_PAIR * op.sigma.abs()).fold(f64::INFINITY, f64::min);
-    Ok(Some(least).filter(|s| s.is_finite() && *s > 0.0))
+/// About the modulus of the slowest root that is not rigid, and whether it is told apart. Twice, since displacements and velocities are
+/// measured beside each other by the rate of the slowest motion, which the first time is a guess.
+fn slowest(
+    problem: &Problem,
+    (factor, sigma, guess): (&Factor, f64, f64),
+    counts: &mut Counts,
+    cancel: &Cancel,
+) -> Result<(f64, bool)> {
+    match seen(&problem.states(factor, sigma, guess), counts, cancel)? {
+        Some((rate, _)) => Ok(seen(&problem.states(factor, sigma, rate), counts, cancel)?.unwrap_or((rate, false))),
+        None => Ok((guess, false)),
+    }
+}
+
+/// The same as few vectors see it; None where the factor is singular.
+fn seen(op: &States<'_>, counts: &mut Counts, cancel: &Cancel) -> Result<Option<(f64, bool)>> {
+    let few = Options { dim: 24, ..Options::new(6, false) };
+    let (counted, ritz) = match Space::new(op, few).and_then(|mut s| s.cycle(cancel).map(|ritz| (s.counts, ritz))) {
+        Err(Error::Singular(_)) => return Ok(None),
+        other => other?,
+    };
+    counts.merge(&counted);
+    let root = |k: usize| op.sigma + ritz.value[k].inv();
+    let told = (0..ritz.value.len()).filter(|k| ritz.value[*k].norm() > 0.0 && root(*k).norm().is_finite());
+    let elastic = told.filter(|k| !is_rigid(root(*k), op.sigma));
+    let lowest = elastic.min_by(|a, b| root(*a).norm().total_cmp(&root(*b).norm()));
+    Ok(lowest.map(|k| {
+        let blur = ritz.residual[k] / ritz.value[k].norm_sqr();
+        (root(k).norm(), blur <= BLURRED * root(k).norm())
+    }))
 }
 
 /// The roots in the closed upper half plane nearest to the shift.
 fn roots(op: &States<'_>, wanted: usize, options: Options, counts: &mut Counts, cancel: &Cancel) -> Result<Roots> {
     let mut space = Space::new(op, options)?;
     let mut ritz = space.converge(cancel)?;
-    for _ in 0..RESTARTS {
-        let before: Vec<c64> = upper(&ritz, wanted).iter().map(|k| ritz.value[*k]).collect();
+    // each restart brings one block of a repeated root to light
+    let mut all = false;
+    for _ in 0..RESTARTS + wanted.div_ceil(options.block) {
+        let before: Vec<f64> = upper(&ritz, wanted).iter().map(|k| ritz.value[*k].norm()).collect();
         space.restart_afresh(&ritz, 2 * wanted)?;
         ritz = space.converge(cancel)?;
         let now = upper(&ritz, wanted);
-        let same = |(a, k): (&c64, &usize)| (a - ritz.value[*k]).norm() <= SAME_DAMPED * a.norm();
-        if before.len() == now.len() && before.iter().zip(&now).all(same) {
+        // moduli, since those of equal ones come in any order
+        let same = |(a, k): (&f64, &usize)| (a - ritz.value[*k].norm()).abs() <= SAME_DAMPED * a;
+        all = before.len() == now.len() && before.iter().zip(&now).all(same);
+        if all {
             break;
         }
+    }
+    if !all {
+        return Err(Error::route(
+            "the lowest roots of this model change with each new search: take the dense route, mb.modes(m) without n=",
+        ));
     }
     counts.merge(&space.counts);
     // only those that have converged
@@ -252,7 +353,10 @@ fn roots(op: &States<'_>, wanted: usize, options: Options, counts: &mut Counts, 
         let change: Vec<c64> = (0..n).map(|i| full[(i, k)] / picked.value[k] - old[i]).collect();
         op.size(&change) / op.size(&old)
     };
+    // all that are nearer to the shift than the last are there
+    let radius = good.checked_sub(1).map_or(0.0, |k| ritz.value[k].inv().norm());
     Ok(Roots {
+        reach: (1.0 + SAME_ROOT) * radius - op.sigma.abs(),
         residual: (0..chosen.len()).map(residual).collect(),
         s: picked.value.iter().map(|mu| op.sigma + mu.inv()).collect(),
         full,
@@ -270,49 +374,25 @@ fn column(x: &Mat<c64>, k: usize) -> Vec<c64> {
     (0..x.nrows()).map(|i| x[(i, k)]).collect()
 }
 
-/// Stationary quotients, rigid motions, pairs of real roots, order and size.
-fn settled(
-    problem: &Problem,
-    right: Roots,
-    left: &Roots,
-    (wanted, sigma): (usize, f64),
-    counts: Counts,
-) -> GeneralModes {
-    let rigid = |s: c64| s.norm() <= RIGID_PAIR * sigma.abs();
-    let (mut s, mut error) = (right.s.clone(), vec![f64::INFINITY; right.s.len()]);
-    for k in (0..s.len()).filter(|k| !rigid(right.s[*k])) {
-        (s[k], error[k]) = quotient(problem, &right, left, k);
-    }
-    let still = rigid_motions(problem, &right, |k| rigid(right.s[k]));
-    let mut order: Vec<usize> = (0..s.len()).filter(|k| !rigid(right.s[*k])).collect();
-    order.sort_by(|a, b| s[*a].norm().total_cmp(&s[*b].norm()).then(s[*b].re.total_cmp(&s[*a].re)));
-    let pairs = paired(problem, &s, &right.full, &order);
+fn is_rigid(s: c64, sigma: f64) -> bool {
+    s.norm() <= RIGID_PAIR * sigma.abs()
+}
+
+/// Stationary quotients, one of each pair, order and size.
+fn settled(problem: &Problem, right: &Roots, left: &Roots, wanted: usize, counts: Counts) -> GeneralModes {
+    let (s, error): (Vec<c64>, Vec<f64>) = (0..right.s.len()).map(|k| quotient(problem, right, left, k)).unzip();
+    let mut modes = paired(problem, &right.full, &s);
+    modes.truncate(wanted);
     let n = problem.n();
-    let count = still.len();
-    let mut out = GeneralModes {
-        s: vec![c64::new(0.0, 0.0); count],
-        partner: vec![c64::new(0.0, 0.0); count],
-        shape: Mat::zeros(n, 0),
-        residual: vec![0.0; count],
-        error: vec![0.0; count],
-        rigid: count,
+    let shapes: Vec<Vec<c64>> = modes.iter().map(|(k, _)| unit(problem, &column(&right.full, *k)[..n])).collect();
+    GeneralModes {
+        s: modes.iter().map(|(k, _)| s[*k]).collect(),
+        partner: modes.iter().map(|(_, partner)| *partner).collect(),
+        shape: Mat::from_fn(n, modes.len(), |i, j| shapes[j][i]),
+        residual: modes.iter().map(|(k, _)| right.residual[*k]).collect(),
+        error: modes.iter().map(|(k, _)| error[*k]).collect(),
         counts,
-    };
-    let mut shapes = still;
-    for (k, partner) in pairs {
-        out.s.push(s[k]);
-        out.partner.push(partner);
-        out.residual.push(right.residual[k]);
-        out.error.push(error[k]);
-        shapes.push(unit(problem, &column(&right.full, k)[..n]));
     }
-    let kept = wanted.min(shapes.len());
-    out.s.truncate(kept);
-    out.partner.truncate(kept);
-    out.residual.truncate(kept);
-    out.error.truncate(kept);
-    out.shape = Mat::from_fn(n, kept, |i, j| shapes[j][i]);
-    out
 }
 
 /// The root of w^T P(s) u = 0 and its error: how far the two searches are from it, and what rounding of the rows moves. Of repeated roots,
@@ -347,32 +427,15 @@ fn unit(problem: &Problem, y: &[c64]) -> Vec<c64> {
     y.iter().map(|v| v * factor).collect()
 }
 
-/// An M-orthonormal basis of the motions whose roots are zero.
-fn rigid_motions(problem: &Problem, roots: &Roots, rigid: impl Fn(usize) -> bool) -> Vec<Vec<c64>> {
-    let n = problem.n();
-    let product = |a: &[f64], b: &[f64]| problem.m.entries().map(|(i, j, v)| a[i] * b[j] * v).sum::<f64>();
-    let mut basis: Vec<Vec<f64>> = Vec::new();
-    for k in (0..roots.s.len()).filter(|k| rigid(*k)) {
-        for part in [|z: c64| z.re, |z: c64| z.im] {
-            let mut x: Vec<f64> = (0..n).map(|i| part(roots.full[(i, k)])).collect();
-            let before = product(&x, &x).sqrt();
-            for b in &basis {
-                let along = product(b, &x);
-                x.iter_mut().zip(b).for_each(|(x, b)| *x -= along * b);
-            }
-            let norm = product(&x, &x).sqrt();
-            // shapes of a double root are right to about the root of the precision only
-            if norm > 1e-3 * before && norm > 0.0 {
-                x.iter_mut().for_each(|x| *x /= norm);
-                basis.push(x);
-            }
-        }
+/// One root of each pair with the other, in ascending modulus: complex ones with their conjugates, of real ones the larger with the one of
+/// the likest shape.
+fn paired(problem: &Problem, full: &Mat<c64>, s: &[c64]) -> Vec<(usize, c64)> {
+    let mut order: Vec<usize> = (0..s.len()).collect();
+    order.sort_by(|a, b| s[*a].norm().total_cmp(&s[*b].norm()));
+    // of equal moduli the one that grows first
+    for run in order.chunk_by_mut(|a, b| s[*b].norm() - s[*a].norm() <= SAME_VALUE * s[*b].norm()) {
+        run.sort_by(|a, b| s[*b].re.total_cmp(&s[*a].re));
     }
-    basis.into_iter().map(|x| x.into_iter().map(|v| c64::new(v, 0.0)).collect()).collect()
-}
-
-/// One root of each pair with the other: complex ones with their conjugates, of real ones the larger with the one of the likest shape.
-fn paired(problem: &Problem, s: &[c64], full: &Mat<c64>, order: &[usize]) -> Vec<(usize, c64)> {
     let product = |a: usize, b: usize| {
         problem.m.entries().map(|(i, j, v)| (full[(i, a)].conj() * full[(j, b)]) * v).sum::<c64>().norm()
     };
