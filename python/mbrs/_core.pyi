@@ -113,9 +113,17 @@ def missed_resonances(
     peaks: NDArray[np.complex128],
 ) -> list[float]: ...
 def sparse_model_modes(
-    system: System, q: _F1, rate: _F1, without: Sequence[str], n: int, sigma: float | None = None
+    system: System,
+    q: _F1,
+    rate: _F1,
+    acceleration: Sequence[float],
+    without: Sequence[str],
+    n: int,
+    sigma: float | None = None,
 ) -> dict[str, Any]: ...
-def sparse_model_form(system: System, q: _F1, rate: _F1, without: Sequence[str]) -> dict[str, Any]: ...
+def sparse_model_form(
+    system: System, q: _F1, rate: _F1, acceleration: Sequence[float], without: Sequence[str]
+) -> dict[str, Any]: ...
 
 # L, F, order_in, D0
 _Maps = tuple[_F2, _F2, _Ints, _F2 | None]

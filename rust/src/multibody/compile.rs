@@ -62,7 +62,10 @@ impl Topology {
             air_memory,
             turning: Vec::new(),
         };
-        made.turning = made.turning_hinges();
+        // without a tree no hinge has a coordinate
+        if !made.tables.absolute {
+            made.turning = made.turning_hinges();
+        }
         Ok(made)
     }
 

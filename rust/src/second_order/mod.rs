@@ -15,6 +15,7 @@ pub mod response;
 pub mod response_sensitivity;
 pub mod sparse_crowded;
 pub mod sparse_damped;
+pub mod sparse_general;
 pub mod sparse_modal;
 pub mod sparse_pencil;
 pub mod sparse_polynomial;
