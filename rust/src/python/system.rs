@@ -497,6 +497,7 @@ impl PySystem {
 
     /// States of sections in the air about a linearised state, see `linearize::air_states`; None without any. `held`: states that do not rest.
     #[pyo3(signature = (q, rate, without, acceleration=Vec::new(), turn=None, held=None))]
+    #[expect(clippy::too_many_arguments)]
     fn air_states<'py>(
         &self,
         py: Python<'py>,
