@@ -102,8 +102,7 @@ fn eigen_routes(c: &mut Criterion) -> Result<()> {
 fn transfer_functions(c: &mut Criterion) -> Result<()> {
     let n = 150;
     let system = random(n, true, false)?;
-    let SecondOrder { m, c, g, k, n: circulatory, .. } = system;
-    let matrices = Matrices { m, c, g, k, n: circulatory };
+    let matrices = Matrices { m: system.m, c: system.c, g: system.g, k: system.k, n: system.n };
     let l = Mat::from_fn(6, n, |i, j| f64::from(u8::from(j == 20 * i)));
     let ports = Ports { f: l.transpose().to_owned(), l, order_in: vec![0; 6], order_out: 0, d0: None };
     let omega: Vec<f64> = (0..400).map(|i| 0.01 * f64::from(i)).collect();
