@@ -8,9 +8,10 @@ import pytest
 from agreement import all_addresses
 from gradient_scenes import SCENES
 from mbrs import _core
+from mbrs.examples import five_bar
 from mbrs.model.tables import directions
 from mbrs.system.snapshot import Snapshot
-from motion_models import five_bar, open_chain, silent, spatial_loop
+from motion_models import open_chain, silent, spatial_loop
 from test_gradient import FIVE_BAR, LENGTHS, differences, drift, everything, worst
 from test_gradient_pairs import BDF_TIMES, asked_of, run_of
 from test_gradient_radau import SKEW, SMOOTH, place, two_masses, two_masses_by_hand

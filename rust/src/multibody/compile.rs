@@ -63,9 +63,10 @@ impl Topology {
             turning: Vec::new(),
         };
         // without a tree no hinge has a coordinate
-        if !made.tables.absolute {
-            made.turning = made.turning_hinges();
-        }
+        made.turning = match made.tables.absolute {
+            true => vec![Default::default(); made.tables.joints.len() + made.tables.elements.len()],
+            false => made.turning_hinges(),
+        };
         Ok(made)
     }
 
