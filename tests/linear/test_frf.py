@@ -104,7 +104,10 @@ def test_300_states_equal_direct_solves():
 
 @pytest.mark.slow
 def test_estimated_error_is_the_true_one_over_random_cases():
-    """true/estimated in [.01, 10] in 95 % of 200 random systems; true from 50 digits at 3 points per case."""
+    """true/estimated in [.01, 10] in 95 % of 200 random systems; true from 50 digits at 3 points per case.
+
+    References are rounded to numbers, so that a true error below half of that rounding is not known.
+    """
     rng = np.random.default_rng(11)
     good = 0
     for case in range(200):
@@ -117,7 +120,7 @@ def test_estimated_error_is_the_true_one_over_random_cases():
             h = frf(s, F, L, omega=omega)
         reference = np.array([exact(s, F, L.T, w)[0] for w in omega])
         true = np.max(np.abs(h.value[0, 0] - reference) / np.abs(reference))
-        good += 0.01 <= true / h.error <= 10.0
+        good += 0.01 <= max(true, np.finfo(float).eps / 2) / h.error <= 10.0
     print(f"estimates within [.01, 10]: {good} of 200")
     assert good >= 190
 
