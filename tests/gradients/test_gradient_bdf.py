@@ -14,7 +14,7 @@ from mbrs.system.snapshot import Snapshot
 from motion_models import open_chain, silent, spatial_loop
 from test_gradient import FIVE_BAR, LENGTHS, differences, drift, everything, worst
 from test_gradient_pairs import BDF_TIMES, asked_of, run_of
-from test_gradient_radau import SKEW, SMOOTH, place, two_masses, two_masses_by_hand
+from test_gradient_radau import SKEW, SMOOTH, errors_of_motion_and_derivatives, place, two_masses, two_masses_by_hand
 
 BDF = {"scheme": "bdf"}
 FIXED = np.arange(11) * 6e-3
@@ -70,29 +70,8 @@ def test_a_stiff_spring_beside_a_soft_one_has_its_closed_form(method):
 @pytest.mark.slow
 @pytest.mark.parametrize("make", list(SMOOTH), ids=lambda f: f.__name__)
 def test_motion_and_derivatives_have_the_order_of_the_scheme(make):
-    """At twenty instants, and of an integral; the explicit scheme of order 8 with fine steps is exact beside them.
-
-    Steps are so short that the leading term alone counts: with four times as long ones orders of the loop are up to 4.8.
-    """
-    m, names = silent(make), SMOOTH[make]
-    body, psi = m.bodies[-1].name, mb.Integral(place(m))
-
-    def run(method, h):
-        traj = mb.simulate(m, 0.8, step=h, method=method, parameters=names)
-        found = mb.gradient(m, psi, names, t=0.8, step=h, scheme=method)
-        every = (len(traj.t) - 1) // 20
-        return [
-            traj.position(body)[::every],
-            traj.sensitivity(f"{body}.position")[::every],
-            found.value,
-            found.gradient,
-        ]
-
-    exact = run("explicit", 0.005)
-    errors = [
-        [np.linalg.norm(np.asarray(a) - b) for a, b in zip(run("bdf", h), exact, strict=True)]
-        for h in (0.00125, 0.000625)
-    ]
+    """Steps are so short that the leading term alone counts: with four times as long ones orders of the loop are up to 4.8."""
+    errors = errors_of_motion_and_derivatives(make, "bdf", (0.00125, 0.000625))
     orders = np.log2(np.divide(*errors))
     print(f"{make.__name__}: errors {errors[1]}, orders {orders}")
     assert np.all(np.abs(orders - 4.0) < 0.3)
