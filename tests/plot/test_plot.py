@@ -8,6 +8,7 @@ from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
+import jitter
 import matplotlib.pyplot as plt
 import mbrs as mb
 import numpy as np
@@ -53,7 +54,9 @@ def test_modes_shows_every_pole_and_coordinate() -> None:
     drawn = np.vstack([line.get_xydata() for line in poles.get_lines() if line.get_marker() == "o"])
     assert np.sort(drawn[:, 1]) == pytest.approx(np.sort(modes.eigenvalue.imag / (2 * np.pi)))
     assert [t.get_text() for t in matrix.get_yticklabels()] == list(modes.coordinates)
-    assert np.asarray(matrix.get_images()[0].get_array()) == pytest.approx(np.eye(6), abs=1e-12)
+    # shapes of equal roots are along the axes, but where noise parts the roots
+    shape = np.abs(modes.shape) if jitter.seed() is not None else np.eye(6)
+    assert np.asarray(matrix.get_images()[0].get_array()) == pytest.approx(shape / shape.max(axis=0), abs=1e-12)
     _no_text_is_cut(figure)
 
 

@@ -33,6 +33,9 @@ from .turning_frames import ANGLES, STILL_AIR, expm
 # Directions of laws that turn into each other but for this part of their size do. Larger: laws of unequal blades are taken together.
 # Smaller: drawn digits part equal ones. Pinned by tests/linear/test_states_in_turning_axes.py.
 _TURNS = 1e-6
+# Numbers of equal laws differ by this part at most. Larger: unequal dampers count as equal, and their roots are off by as much.
+# Smaller: equal dampers of a model that was computed differ by rounding. Pinned by tests/linear/test_states_in_turning_axes.py.
+_EQUAL = 1e-9
 
 
 @dataclass(frozen=True)
@@ -169,11 +172,8 @@ def _law_generator(system: Any, places: list[LawPlace], law: np.ndarray, W: np.n
     t, later = _later(system)
     turned = np.array([place.direction for place in law_places(later)]) @ expm(W * t)
     now = np.array([place.direction for place in places])
-    kinds: dict[Any, list[int]] = {}
-    for i in dict.fromkeys(law.tolist()):
-        kinds.setdefault((places[i].code, tuple(places[i].numbers)), []).append(i)
     V = np.zeros((len(law),) * 2)
-    for alike in kinds.values():
+    for alike in _equal_laws(places, law):
         back = np.linalg.pinv(now[alike], rcond=_TURNS)
         U = turned[alike] @ back + np.eye(len(alike)) - now[alike] @ back
         if np.max(np.abs(U @ now[alike] - turned[alike])) > _TURNS * np.max(np.abs(now[alike])):
@@ -188,6 +188,21 @@ def _law_generator(system: Any, places: list[LawPlace], law: np.ndarray, W: np.n
         for own in np.array(branches).T:
             V[np.ix_(own, own)] = made
     return V
+
+
+def _equal_laws(places: list[LawPlace], law: np.ndarray) -> list[list[int]]:
+    """The laws with states in groups of one type whose numbers are the same but for rounding."""
+    groups: list[list[int]] = []
+    for i in dict.fromkeys(law.tolist()):
+        for group in groups:
+            one, other = places[group[0]], places[i]
+            same_type = one.code == other.code and len(one.numbers) == len(other.numbers)
+            if same_type and np.allclose(one.numbers, other.numbers, rtol=_EQUAL, atol=0.0):
+                group.append(i)
+                break
+        else:
+            groups.append([i])
+    return groups
 
 
 def _later(system: Any) -> tuple[float, Any]:
