@@ -71,10 +71,15 @@ def rotor() -> tuple[mb.Model, float, Read]:
     return mb.examples.wind_rotor(air=12.0), 6.0, lambda traj: traj.point("section1")
 
 
-def run(model: mb.Model, end: float, read: Read, known: np.ndarray, options: dict[str, Any]) -> dict[str, float]:
+SCENES = {"swing": swing, "flexible rotor": rotor}
+
+
+def run(
+    model: mb.Model, end: float, read: Read, known: np.ndarray, options: dict[str, Any], runs: int = RUNS
+) -> dict[str, float]:
     """Error at eleven instants, the least CPU time (ms) of several runs, and counts."""
     t, seconds = np.linspace(0.0, end, 11), np.inf
-    for _ in range(RUNS):
+    for _ in range(runs):
         begin = time.process_time()
         traj = mb.simulate(model, t=t, **options)
         seconds = min(seconds, time.process_time() - begin)
@@ -106,6 +111,25 @@ def at_equal_error(found: list[dict[str, float]]) -> dict[str, float]:
     return {name: (1 - share) * found[k][name] + share * found[k + 1][name] for name in found[0] if name != "error"}
 
 
+def over_tolerances(scene: str, way: str, runs: int = RUNS) -> list[dict[str, float]]:
+    """`run` at each tolerance, until the error is well below EQUAL."""
+    model, end, read = SCENES[scene]()
+    known = read(mb.simulate(model, t=np.linspace(0.0, end, 11), method="explicit", rtol=1e-12))
+    found: list[dict[str, float]] = []
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        for rtol in TOLERANCES:
+            found.append(run(model, end, read, known, CONTROLLED[way] | {"rtol": rtol}, runs))
+            if found[-1]["error"] < EQUAL / 3:
+                break
+    return found
+
+
+def evaluations(scene: str, way: str) -> float | None:
+    """Force evaluations at equal error, None where it is not reached."""
+    return at_equal_error(over_tolerances(scene, way, runs=1)).get("forces")
+
+
 def equal_error() -> list[str]:
     heads = [
         "scene",
@@ -122,18 +146,11 @@ def equal_error() -> list[str]:
         "us an evaluation",
     ]
     lines = [f"| {' | '.join(heads)} |", f"|{' --- |' * len(heads)}"]
-    for scene, make in (("swing, 5 s, 1e-6 rad", swing), ("flexible rotor, 6 s, 1e-6 m", rotor)):
-        model, end, read = make()
-        known = read(mb.simulate(model, t=np.linspace(0.0, end, 11), method="explicit", rtol=1e-12))
-        newton: dict[str, float] = {}
-        for way, options in CONTROLLED.items():
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore")
-                found = []
-                for rtol in TOLERANCES:
-                    found.append(run(model, end, read, known, options | {"rtol": rtol}))
-                    if found[-1]["error"] < EQUAL / 3:
-                        break
+    titles = {"swing": "swing, 5 s, 1e-6 rad", "flexible rotor": "flexible rotor, 6 s, 1e-6 m"}
+    for name in SCENES:
+        scene, newton = titles[name], {}
+        for way in CONTROLLED:
+            found = over_tolerances(name, way)
             print(scene, way, [f"{row['error']:.0e}: {row['ms']:.1f} ms" for row in found], flush=True)
             row = at_equal_error(found)
             if not row:
