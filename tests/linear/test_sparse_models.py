@@ -280,6 +280,23 @@ def with_a_blade():
     return m
 
 
+@pytest.mark.parametrize("seed", range(8))
+def test_a_thin_beam_has_no_inertia_about_itself(monkeypatch, seed):
+    """That of rounding may be negative."""
+    rng = np.random.default_rng(seed)
+    m = joint_chain(("revolute",))
+    shape = mb.flexible.beam(rng.uniform(1, 3), mass=rng.uniform(0.3, 1), EI_flap=1.1e3, EI_edge=2.3e3, modes=2)
+    turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+    turn *= np.linalg.det(turn)
+    m.fixed("root", "b23", m.flexible_body("blade", shape, at=(0, 0, -5), orientation=turn).node("root"))
+    at = mb.equilibrium(m)
+    known = mb.modes(m, at=at, n=2)
+    monkeypatch.setattr(sparse_modes, "_LARGE", 4)
+    found = mb.modes(m, at=at, n=2)
+    assert found.stats.route.startswith("sparse")
+    assert found.eigenvalue == pytest.approx(known.eigenvalue, rel=1e-9)
+
+
 def turning_with_a_drive():
     m = turning()
     m.drive("held", "j20", 0.0)

@@ -15,6 +15,12 @@ pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("SAME_ROOT", SAME_ROOT)
 }
 
+/// Refuses so many matrices of so many entries each that do not fit into memory.
+pub fn holds(entries: usize, parts: usize) -> Result<()> {
+    let what = format!("a linear system of {parts} dense matrices, for its modes or its reduction,");
+    memory::require(8.0 * (entries * parts) as f64, &what, "give them sparse, and ask for the lowest modes (n=)")
+}
+
 /// Refuses a system whose modes do not fit into memory.
 pub fn fits(system: &LinearSystem) -> Result<()> {
     // square matrices held at a time: 28 to 37 measured without and 51 to 60 with damping, n = 400 to 800

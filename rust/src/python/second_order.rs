@@ -66,6 +66,8 @@ impl PySecondOrder {
         k: PyReadonlyArray2<'_, f64>,
         n: Given<'_>,
     ) -> PyResult<Self> {
+        let parts = 2 + [&c, &g, &n].iter().filter(|part| part.is_some()).count();
+        modal::holds(m.as_array().len(), parts)?;
         let [c, g, n] = [&c, &g, &n].map(optional);
         let given = Matrices { m: super::border::matrix(&m), c, g, k: super::border::matrix(&k), n };
         Ok(Self(Arc::new(LinearSystem::new(given)?)))
