@@ -44,7 +44,7 @@ def smooth() -> tuple[str, str, str, Any]:
     study = mb.accuracy_study(
         solve,
         harmonics=[1, 3, 5, 7, 11, 15, 31],
-        program=installed,
+        program={name: name for name in installed},
         reference=DUFFING,
         measure=against_shooting,
         repeat=1,
