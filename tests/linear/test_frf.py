@@ -8,7 +8,7 @@ import mpmath
 import numpy as np
 import pytest
 from mbrs.errors import MbrsWarning, ModelError, NameNotFoundError
-from mbrs.linear.frf import frf, frf_sensitivity
+from mbrs.linear.frf import _Dense, frf, frf_sensitivity
 from mbrs.linear.matrices import MechanicalSystem
 from problems import spring_row
 
@@ -223,6 +223,29 @@ def test_a_range_finds_the_peaks_and_points_warn_about_missed_ones():
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         frf(s, 0, 0, omega=np.linspace(9.9, 10.1, 2001))
+
+
+def test_missed_resonances_of_undamped_systems(monkeypatch):
+    """All that the ports see are told, those they do not see are not, and no pole costs a decomposition."""
+    rng, n = np.random.default_rng(3), 23
+    omega = np.linspace(1.3, 4.1, n)
+    q = np.linalg.qr(rng.normal(size=(n, n)))[0]
+    # mode 4 stands still at the port, mode 11 hardly moves there
+    rows = q.copy()
+    rows[0, [4, 11]] = 0.0, 3e-4
+    shape = np.linalg.inv(rows)
+    s = MechanicalSystem(shape.T @ shape, None, shape.T @ np.diag(omega**2) @ shape)
+    evaluate, singular = _Dense.evaluate, []
+
+    def counted(self, points, checked=True):
+        raw = evaluate(self, points, checked)
+        singular.extend(raw["singular"])
+        return raw
+
+    monkeypatch.setattr(_Dense, "evaluate", counted)
+    with pytest.warns(MbrsWarning, match=f"miss {n - 1} resonances"):
+        frf(s, 0, 0, omega=np.array([1.1, 1.31417, 4.2]))
+    assert not singular
 
 
 def test_base_motion_orders_and_feedthrough_through_the_core():
