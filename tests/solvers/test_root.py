@@ -396,6 +396,6 @@ def test_plain_adds_nothing():
     found = mb.root(p.fun, p.x0, plain=True, tol=1e-8)
     assert not found.success and found.fallback is None and found.n_restarts == 0
     assert mb.root(p.fun, p.x0, plain=True, jac0="fd", tol=1e-8).nit == DIFFERENCES["Broyden tridiagonal"]
-    for given in ({"restarts": 2}, {"memory": 5}, {"patience": 7}):
+    for given in ({"restarts": 2}, {"memory": 5}, {"patience": 7}, {"sparsity": np.eye(10)}):
         with pytest.raises(mb.ModelError, match=f"without {next(iter(given))}="):
             mb.root(p.fun, p.x0, plain=True, **given)
