@@ -175,22 +175,10 @@ def gradient(
     True
     """
     begin = time.perf_counter()
-    if scheme is None:
-        scheme = "auto" if step is None and weight is None else "ali3p"
-    if scheme not in (*SCHEMES, "auto"):
-        raise ModelError(
-            f"scheme={scheme!r} has no sensitivities; those that have are "
-            f"{', '.join(f'scheme={name!r}' for name in SCHEMES)} (mb.simulate runs them as method=)"
-        )
     if method not in METHODS:
         raise ModelError(f"method= is one of {', '.join(map(repr, METHODS))}, got {shown(method)}")
-    kind = _variant(scheme, weight, rho)
-    many = isinstance(objective, (list, tuple))
-    objectives: list[Any] = list(objective) if isinstance(objective, (list, tuple)) else [objective]
-    if not objectives or not all(isinstance(o, Objective) for o in objectives):
-        raise ModelError(
-            f"objective= takes mb.Integral, mb.Final or mb.AtTimes, or several of them, got {shown(objective)}"
-        )
+    kind = _variant(scheme, step, weight, rho)
+    objectives, many = _objectives(objective)
     run = replace(prepare(m, objectives, t, step, rtol, at, check_without(without), **kind), keep=_kept(keep))
     along = directions(m, parameters)
     require_followed_guess(run, along)
@@ -260,8 +248,26 @@ def _of_pairs(orders: Sequence[int], kept: np.ndarray) -> tuple[int, ...]:
     return tuple(min(part) if min(part) < 0 else part[-1] for part in parts)
 
 
-def _variant(scheme: str, weight: str | None, rho: float | None) -> dict[str, Any]:
+def _objectives(objective: Any) -> tuple[list[Objective], bool]:
+    """The objectives, and whether there may be several."""
+    many = isinstance(objective, (list, tuple))
+    objectives: list[Any] = list(objective) if many else [objective]
+    if not objectives or not all(isinstance(o, Objective) for o in objectives):
+        raise ModelError(
+            f"objective= takes mb.Integral, mb.Final or mb.AtTimes, or several of them, got {shown(objective)}"
+        )
+    return objectives, many
+
+
+def _variant(scheme: str | None, step: Any, weight: str | None, rho: float | None) -> dict[str, Any]:
     """Options of a scheme, checked."""
+    if scheme is None:
+        scheme = "auto" if step is None and weight is None else "ali3p"
+    if scheme not in (*SCHEMES, "auto"):
+        raise ModelError(
+            f"scheme={scheme!r} has no sensitivities; those that have are "
+            f"{', '.join(f'scheme={name!r}' for name in SCHEMES)} (mb.simulate runs them as method=)"
+        )
     if weight is not None and (scheme != "ali3p" or weight not in ("tangent", "mass")):
         raise ModelError(
             f"weight= is 'tangent' or 'mass' and belongs to scheme='ali3p', got {shown(weight)} with {scheme!r}"

@@ -109,9 +109,9 @@ def with_sensitivities(m: Model, parameters: Any, method: str, coordinates: Any)
     return method, "tree" if method == "explicit" else coordinates
 
 
-def refuse_output_times(options: Mapping[str, Any]) -> None:
-    """Of a motion that is differentiated."""
-    if "outputs" in options:
+def refuse_output_times(options: Mapping[str, Any], parameters: Any) -> None:
+    """Times other than those of the steps, in a motion that is differentiated."""
+    if parameters is not None and "outputs" in options:
         raise ModelError(
             "sensitivities belong to the steps of a motion: with parameters= give t= as a number, or take mb.gradient with "
             "mb.AtTimes for given times"

@@ -248,8 +248,7 @@ def simulate(
     options |= limits(rho, max_step, first_step, max_steps)
     options |= penalised(method, penalty, passes, parameters)
     options["method"] = variant(method, form, update, None if absolute else coordinates)
-    if parameters is not None:
-        refuse_output_times(options)
+    refuse_output_times(options, parameters)
     served = with_served_tolerance(options, snapshot)
     made, snapshot, wake = _integrated(m, snapshot, state, without, served, absolute)
     traj = _trajectory(m, snapshot, made, without, time.perf_counter() - start, state, served, wake)
@@ -259,11 +258,7 @@ def simulate(
         require_covered(m, traj.t, flows(snapshot.system, traj.t, traj.q, traj.rate, traj.memory))
     if traj.status == "interrupted":
         raise Interrupted(f"the motion of {m.name!r} was interrupted at t = {made['end']:.6g} s", traj)
-    _warn_of_start(m, made)
-    if method in ("bdf", "bdf-bfgs") and step is not None:  # steps that follow a tolerance see what grows
-        warn_amplified(m, at, traj.steps)
-    _warn_of_tolerance(options, served)
-    _warn_of_bending(traj)
+    _warn(m, at, made, traj, options, served)
     if traj.status == "stopped":
         raise ConvergenceError(
             f"the motion of {m.name!r} stopped at t = {made['end']:.9g} s: {made['message']}; the trajectory until then is "
@@ -276,11 +271,22 @@ def simulate(
 def _integrated(
     m: Model, snapshot: Snapshot, state: State, without: tuple[str, ...], options: dict[str, Any], absolute: bool
 ) -> tuple[dict[str, Any], Snapshot, Wakes | None]:
-    """What the core made, the snapshot that it belongs to, and the wake where the air has one."""
+    """The numbers of the core, the snapshot that they belong to, and the wake where the air has one."""
     air = stepped(m, without, absolute)
     if air is None:
         return _run(snapshot, state, without, options), snapshot, None
     return march(air, snapshot, state, without, options, lambda s, x, o: _run(s, x, without, o, True))
+
+
+def _warn(
+    m: Model, at: StateLike, made: dict[str, Any], traj: Trajectory, asked: dict[str, Any], served: dict[str, Any]
+) -> None:
+    _warn_of_start(m, made)
+    if asked["method"].partition("/")[0] in ("bdf", "bdf-bfgs") and "step" in asked:
+        # steps that follow a tolerance see what grows
+        warn_amplified(m, at, traj.steps)
+    _warn_of_tolerance(asked, served)
+    _warn_of_bending(traj)
 
 
 def _warn_of_tolerance(asked: dict[str, Any], served: dict[str, Any]) -> None:

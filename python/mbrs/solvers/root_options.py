@@ -103,7 +103,7 @@ class Estimate:
         _interval(self.determinant)
 
     def pairs(self, n: int) -> int | None:
-        """How many pairs (s, y) are kept instead of H of n unknowns; None: H itself."""
+        """The number of pairs (s, y) that are kept instead of H of n unknowns; None: H itself."""
         if self.memory is None:
             return None
         if isinstance(self.memory, str):
