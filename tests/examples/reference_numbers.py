@@ -15,7 +15,8 @@ from typing import Any
 import mbrs as mb
 import numpy as np
 from mbrs import reference
-from mbrs.model.tables import directions, tables
+from mbrs.model.directions import directions
+from mbrs.model.tables import tables
 from mbrs.reference.dynamics import elements
 from mbrs.reference.kinematics import moving
 

@@ -15,7 +15,8 @@ import pytest
 from cranks import DUFFING, OSCILLATOR, TONES, bent_shaft, crank
 from mbrs import reference as ref
 from mbrs._lib.names import PUBLIC
-from mbrs.model.tables import directions, tables
+from mbrs.model.directions import directions
+from mbrs.model.tables import tables
 from mbrs.reference import hbm_shooting
 from mbrs.results import Result
 

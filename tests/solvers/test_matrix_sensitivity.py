@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 from mbrs import matrix_calculus as mc
 from mbrs import reference as ref
-from mbrs.model.tables import directions, tables
+from mbrs.model.directions import directions
+from mbrs.model.tables import tables
 from mbrs.reference import dynamics as dyn
 from mbrs.reference import motion as rm
 from mbrs.reference.kinematics import advance, drawn_state

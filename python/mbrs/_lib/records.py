@@ -31,7 +31,7 @@ HOMES: Mapping[str, str] = {
     "LoadHistory": "linear.response",
     "SparseDerivative": "linear.sensitivity",
     "SparseModel": "linear.sparse_modes",
-    "Directions": "model.tables",
+    "Directions": "model.directions",
     "BranchPoint": "nonlinear.branch_points",
     "Chunks": "nonlinear.branch_points",
     "Event": "nonlinear.branch_points",

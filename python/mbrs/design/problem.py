@@ -13,8 +13,8 @@ import numpy as np
 from ..errors import ModelError
 from ..gradients.gradient import finite, gradient
 from ..gradients.objectives import Objective
+from ..model.directions import directions
 from ..model.names import nearest, shown
-from ..model.tables import directions
 from ..motion.tangent import value_at
 from .functions import Constraint, DesignFunctions, number_or_infinite
 from .goals import Goal, Sum

@@ -18,7 +18,7 @@ from .._lib.progress import Elapsed
 from .._lib.vetter import Derivative
 from ..errors import ModelError, NameNotFoundError
 from ..model.addresses import target
-from ..model.tables import Directions, directions
+from ..model.directions import Directions, directions
 from ..motion.quantities import Names
 from ..motion.simulate import simulate
 from ..motion.tangent import (

@@ -14,9 +14,10 @@ from .._lib.border import core_errors
 from .._lib.rotations import quaternion_matrix, skew
 from .._lib.text import without_rounding
 from ..errors import ModelError
+from ..model.directions import Directions, directions
 from ..model.ports import Port, as_port
 from ..model.schema import BODY, MARKER
-from ..model.tables import Directions, directions, tables
+from ..model.tables import tables
 from ..results import Result, Stats, derived, quantity, result
 from .eigen_sensitivity import EigenSensitivity, eigen_sensitivity
 from .frf import FrfResult, FrfSensitivity, frf_sensitivity

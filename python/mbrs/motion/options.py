@@ -10,7 +10,7 @@ import numpy as np
 
 from .._lib.checks import count, shown
 from ..errors import ModelError
-from ..model.tables import directions
+from ..model.directions import directions
 from ..system.effects import LINEAR_ONLY, check_without
 from ..system.snapshot import Snapshot
 from ..system.state import State
