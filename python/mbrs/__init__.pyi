@@ -153,10 +153,10 @@ from .nonlinear.parameter_response import ParameterResponse as ParameterResponse
 from .nonlinear.parameter_response import parameter_response as parameter_response
 from .nonlinear.periodic import PeriodicSolution as PeriodicSolution
 from .nonlinear.periodic import harmonic_balance as harmonic_balance
-from .nonlinear.quasi_periodic import QuasiPeriodicSolution as QuasiPeriodicSolution
 from .nonlinear.quasi_periodic import quasi_periodic as quasi_periodic
 from .nonlinear.quasi_periodic_curves import QuasiPeriodicResponse as QuasiPeriodicResponse
 from .nonlinear.quasi_periodic_curves import quasi_periodic_response as quasi_periodic_response
+from .nonlinear.quasi_periodic_solution import QuasiPeriodicSolution as QuasiPeriodicSolution
 from .nonlinear.response_curve import FrequencyResponse as FrequencyResponse
 from .nonlinear.system import NonlinearSystem as NonlinearSystem
 from .nonlinear.system import nonlinear_system as nonlinear_system

@@ -64,7 +64,7 @@ RECORDS: Mapping[str, str] = {
     "LimitCycle": "nonlinear.limit_cycle",
     "ParameterResponse": "nonlinear.parameter_response",
     "PeriodicSolution": "nonlinear.periodic",
-    "QuasiPeriodicSolution": "nonlinear.quasi_periodic",
+    "QuasiPeriodicSolution": "nonlinear.quasi_periodic_solution",
     "QuasiPeriodicResponse": "nonlinear.quasi_periodic_curves",
     "FrequencyResponse": "nonlinear.response_curve",
     "NonlinearSystem": "nonlinear.system",

@@ -22,8 +22,8 @@ from ..linear.response import ResponseResult
 from ..linear.steady import SteadyMotion
 from ..motion.trajectory import Trajectory
 from ..nonlinear.periodic import PeriodicSolution
-from ..nonlinear.quasi_periodic import QuasiPeriodicSolution
 from ..nonlinear.quasi_periodic_curves import QuasiPeriodicResponse
+from ..nonlinear.quasi_periodic_solution import QuasiPeriodicSolution
 from ..nonlinear.response_curve import FrequencyResponse
 from ..reference import hbm_balance
 from ..reference.assembly import assemble
