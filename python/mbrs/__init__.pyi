@@ -82,6 +82,8 @@ from .linear.frf import FrfResult as FrfResult
 from .linear.frf import FrfSensitivity as FrfSensitivity
 from .linear.frf import frf as frf
 from .linear.linearization import Linearization as Linearization
+from .linear.linearization_sensitivity import EquilibriumSensitivity as EquilibriumSensitivity
+from .linear.linearization_sensitivity import LinearizationSensitivity as LinearizationSensitivity
 from .linear.linearize import linearize as linearize
 from .linear.mac import mac as mac
 from .linear.matrices import MechanicalSystem as MechanicalSystem
@@ -97,8 +99,6 @@ from .linear.pairing import pair as pair
 from .linear.response import ResponseResult as ResponseResult
 from .linear.response import ResponseSensitivity as ResponseSensitivity
 from .linear.response import response as response
-from .linear.sensitivity import EquilibriumSensitivity as EquilibriumSensitivity
-from .linear.sensitivity import LinearizationSensitivity as LinearizationSensitivity
 from .linear.sensitivity import sensitivity as sensitivity
 from .linear.state_space import state_space as state_space
 from .linear.steady import SteadyMotion as SteadyMotion

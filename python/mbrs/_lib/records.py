@@ -29,7 +29,7 @@ HOMES: Mapping[str, str] = {
     "Origin": "linear.linear_system",
     "Place": "linear.pairing",
     "LoadHistory": "linear.response",
-    "SparseDerivative": "linear.sensitivity",
+    "SparseDerivative": "linear.linearization_sensitivity",
     "SparseModel": "linear.sparse_modes",
     "Directions": "model.directions",
     "BranchPoint": "nonlinear.branch_points",

@@ -70,6 +70,13 @@ class Directions:
         """True where `dense` is the cheaper form."""
         return self.n_x * self.n <= _DENSE_LIMIT
 
+    def part(self, start: int, n: int) -> np.ndarray:
+        """Rows start ... start + n of dx/dp, dense (n, n_p)."""
+        out = np.zeros((n, self.n))
+        inside = (self.rows >= start) & (self.rows < start + n)
+        np.add.at(out, (self.rows[inside] - start, self.columns[inside]), self.values[inside])
+        return out
+
     def shaped(self, derivative: np.ndarray) -> np.ndarray:
         """A derivative (..., n) with its last axis in the shape of the parameter."""
         return np.reshape(derivative, (*np.shape(derivative)[:-1], *self.shape))
