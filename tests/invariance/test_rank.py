@@ -4,6 +4,7 @@ import re
 import warnings
 
 import changes
+import descriptions
 import linkages
 import mbrs as mb
 import numpy as np
@@ -62,7 +63,7 @@ def test_a_coarse_drawing_moves_with_its_tolerance(family):
     for seed in range(4):
         rng = np.random.default_rng([seed, 11])
         change = changes.chain(changes.general(rng, digits=6), changes.tilted(rng, 1e-6))
-        found.append(mb.System(with_tolerance(change.apply(changes.Description.of(family.model(rng))), 1e-4)).dof)
+        found.append(mb.System(with_tolerance(change.apply(descriptions.Description.of(family.model(rng))), 1e-4)).dof)
     assert found == [family.answer["dof"]] * 4
 
 
@@ -72,14 +73,14 @@ def test_a_frame_stays_locked_with_a_coarse_tolerance(family):
     for seed in range(4):
         rng = np.random.default_rng([seed, 12])
         change = changes.general(rng, digits=8)
-        found.append(mb.System(with_tolerance(change.apply(changes.Description.of(family.model(rng))), 1e-5)).dof)
+        found.append(mb.System(with_tolerance(change.apply(descriptions.Description.of(family.model(rng))), 1e-5)).dof)
     assert found == [0] * 4
 
 
 def test_a_fine_tolerance_locks_a_tilted_four_bar():
     rng = np.random.default_rng(5)
     change = changes.chain(changes.general(rng), changes.tilted(rng, 1e-8))
-    drawn = change.apply(changes.Description.of(linkages.four_bar(rng)))
+    drawn = change.apply(descriptions.Description.of(linkages.four_bar(rng)))
     assert [mb.System(with_tolerance(drawn, t)).dof for t in (1e-11, 1e-6)] == [0, 1]
 
 
