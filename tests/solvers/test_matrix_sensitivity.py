@@ -127,7 +127,7 @@ def test_flexible_form_of_a_flexible_body():
 
     def at(V, q, v):
         sys = system(V)
-        return sys, with_rates(sys, rm.Motion(advance(sys, drawn_state(sys), q), v, np.zeros(0)))
+        return sys, with_rates(sys, advance(sys, drawn_state(sys), q), v)
 
     def M(V, q, t):
         sys, state = at(V, q, 0 * q)
