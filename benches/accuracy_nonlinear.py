@@ -189,8 +189,7 @@ def friction() -> tuple[str, str, str, Any]:
     reference = mb.harmonic_balance(system, force=[0.4], omega=1.1, harmonics=list(range(1, 162, 2)), n_samples=16384)
 
     def against_fine(result: Any, reference: float) -> float:
-        """Relative error of the largest displacement, against 161 harmonics and 16384 samples (within 1e-6 of integration
-        in time)."""
+        """Relative error of the largest displacement, against 161 harmonics and 16384 samples."""
         return abs(_size(result) / reference - 1)
 
     study = mb.accuracy_study(

@@ -65,7 +65,7 @@ class Counted:
             return self.fun(x)
 
 
-def ours(p: root_problems.Problem, **options: Any) -> str:
+def ours(p: root_problems.RootProblem, **options: Any) -> str:
     fun = Counted(p.fun)
     try:
         found = mb.root(fun, p.x0, **options)
@@ -76,12 +76,12 @@ def ours(p: root_problems.Problem, **options: Any) -> str:
     return f"{mark}{found.nit} / {found.n_backtracks} / {fun.calls} / {found.norm:.0e}{fallback}"
 
 
-def defaults(p: root_problems.Problem) -> str:
+def defaults(p: root_problems.RootProblem) -> str:
     banded = p.band is not None and p.n >= 100
     return ours(p, tol=TOL, **({"sparsity": p.sparsity(), "memory": 40} if banded else {}))
 
 
-def scipys(p: root_problems.Problem, method: str) -> str:
+def scipys(p: root_problems.RootProblem, method: str) -> str:
     from scipy.optimize import root
 
     options = {
@@ -101,7 +101,7 @@ def scipys(p: root_problems.Problem, method: str) -> str:
     return f"{'' if norm <= TOL else '**fails** '}{fun.calls} / {norm:.0e}"
 
 
-METHODS: dict[str, Callable[[root_problems.Problem], str]] = {
+METHODS: dict[str, Callable[[root_problems.RootProblem], str]] = {
     "I identity": lambda p: ours(p, jac0="identity", **BARE),
     "II identity": lambda p: ours(p, method="broyden", jac0="identity", **BARE),
     "I differences": lambda p: ours(p, jac0="fd", memory=None, **BARE),

@@ -9,6 +9,7 @@ import inspect
 from pathlib import Path
 
 import mbrs
+from mbrs._lib.names import PUBLIC
 
 PACKAGE = Path(mbrs.__file__).parent
 STUB, PAGE = PACKAGE / "__init__.pyi", PACKAGE.parents[1] / "docs" / "api.md"
@@ -33,7 +34,7 @@ def stub() -> str:
     """Every name imported from its module."""
     lines = ['"""The public names for type checkers; written by tests/public_names.py."""', ""]
     homes: dict[str, list[str]] = {}
-    for name, home in mbrs._HOME.items():
+    for name, home in PUBLIC.items():
         homes.setdefault(home, []).append(name)
     for name, home in mbrs._MODULES.items():
         folder, _, leaf = home.rpartition(".")
@@ -47,7 +48,7 @@ def page() -> str:
     """Names with the first sentence of their docstrings."""
     lines = ["# Public names", "", "`import mbrs as mb`; each name is imported when it is first used.", ""]
     for folder, title in TITLES.items():
-        named = sorted((n for n, home in mbrs._HOME.items() if home.split(".")[0] == folder), key=str.casefold)
+        named = sorted((n for n, home in PUBLIC.items() if home.split(".")[0] == folder), key=str.casefold)
         lines += [f"## {title}", "", "| name | |", "|---|---|"]
         lines += [f"| `mb.{name}` | {_sentence(getattr(mbrs, name))} |" for name in named]
         lines.append("")

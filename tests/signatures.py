@@ -9,12 +9,13 @@ from types import FunctionType, ModuleType
 from typing import get_overloads
 
 import mbrs as mb
+from mbrs._lib.names import PUBLIC
 from mbrs.results import Result
 
 
 def public() -> Iterator[object]:
     """Public functions and classes, those of the public modules included."""
-    yield from (getattr(mb, name) for name in mb._HOME)
+    yield from (getattr(mb, name) for name in PUBLIC)
     for name in (*mb._MODULES, "design"):
         module = getattr(mb, name)
         if isinstance(module, ModuleType) and name not in ("reference", "view", "report"):

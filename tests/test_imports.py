@@ -12,6 +12,7 @@ from pathlib import Path
 
 import mbrs
 import pytest
+from mbrs._lib.names import PUBLIC
 from mbrs._lib.records import FUNCTIONS, HOMES
 
 PACKAGE = Path(mbrs.__file__).parent
@@ -46,7 +47,7 @@ OPTIONAL = {
 # Imports by a name in a variable: which module makes them, and the names. Names of users' functions are of users' modules.
 BY_NAME = {
     ("__init__",): lambda: [
-        *mbrs._HOME.values(),
+        *PUBLIC.values(),
         *mbrs._MODULES.values(),
         *(".".join(parts) for parts in FILES if parts[0] == "io"),  # by their place in the folder
     ],

@@ -8,6 +8,7 @@ import inspect
 import mbrs
 import public_names
 import pytest
+from mbrs._lib.names import PUBLIC
 from mbrs.results import Result
 
 
@@ -23,11 +24,11 @@ def test_every_result_has_a_public_name():
     found = {cls for cls in subclasses(Result) if cls.__module__.startswith("mbrs.")}
     assert len(found) > 25
     for cls in found:
-        assert getattr(mbrs, cls.__name__, None) is cls, f"mbrs.{cls.__name__} is missing in mbrs._HOME"
+        assert getattr(mbrs, cls.__name__, None) is cls, f"mbrs.{cls.__name__} is missing in mbrs/_lib/names.py"
 
 
 def test_names_come_from_the_modules_that_define_them():
-    for name, home in mbrs._HOME.items():
+    for name, home in PUBLIC.items():
         value = getattr(mbrs, name)
         if inspect.isclass(value) or inspect.isfunction(value):
             assert value.__module__ == f"mbrs.{home}", name
@@ -35,7 +36,7 @@ def test_names_come_from_the_modules_that_define_them():
 
 
 def test_every_name_is_on_the_page_under_a_title():
-    homes = {home.split(".")[0] for home in mbrs._HOME.values()} - {"_lib"}
+    homes = {home.split(".")[0] for home in PUBLIC.values()} - {"_lib"}
     assert homes == set(public_names.TITLES)
 
 

@@ -11,6 +11,7 @@ import sys
 from pathlib import Path
 
 import mbrs as mb
+from mbrs._lib.names import PUBLIC
 from mbrs.model import schema
 from mbrs.results import Result
 
@@ -23,7 +24,7 @@ NO_FIELDS = "no labelled quantities: see the methods of the class"
 
 def names(folder: str) -> list[str]:
     """Public names that live in a folder of the package."""
-    return sorted((n for n, home in mb._HOME.items() if home.split(".")[0] == folder), key=str.casefold)
+    return sorted((n for n, home in PUBLIC.items() if home.split(".")[0] == folder), key=str.casefold)
 
 
 def entry(name: str) -> list[str]:

@@ -82,6 +82,8 @@ from .linear.frf import FrfResult as FrfResult
 from .linear.frf import FrfSensitivity as FrfSensitivity
 from .linear.frf import frf as frf
 from .linear.linearization import Linearization as Linearization
+from .linear.linearization_sensitivity import EquilibriumSensitivity as EquilibriumSensitivity
+from .linear.linearization_sensitivity import LinearizationSensitivity as LinearizationSensitivity
 from .linear.linearize import linearize as linearize
 from .linear.mac import mac as mac
 from .linear.matrices import MechanicalSystem as MechanicalSystem
@@ -97,8 +99,6 @@ from .linear.pairing import pair as pair
 from .linear.response import ResponseResult as ResponseResult
 from .linear.response import ResponseSensitivity as ResponseSensitivity
 from .linear.response import response as response
-from .linear.sensitivity import EquilibriumSensitivity as EquilibriumSensitivity
-from .linear.sensitivity import LinearizationSensitivity as LinearizationSensitivity
 from .linear.sensitivity import sensitivity as sensitivity
 from .linear.state_space import state_space as state_space
 from .linear.steady import SteadyMotion as SteadyMotion
@@ -153,10 +153,10 @@ from .nonlinear.parameter_response import ParameterResponse as ParameterResponse
 from .nonlinear.parameter_response import parameter_response as parameter_response
 from .nonlinear.periodic import PeriodicSolution as PeriodicSolution
 from .nonlinear.periodic import harmonic_balance as harmonic_balance
-from .nonlinear.quasi_periodic import QuasiPeriodicSolution as QuasiPeriodicSolution
 from .nonlinear.quasi_periodic import quasi_periodic as quasi_periodic
 from .nonlinear.quasi_periodic_curves import QuasiPeriodicResponse as QuasiPeriodicResponse
 from .nonlinear.quasi_periodic_curves import quasi_periodic_response as quasi_periodic_response
+from .nonlinear.quasi_periodic_solution import QuasiPeriodicSolution as QuasiPeriodicSolution
 from .nonlinear.response_curve import FrequencyResponse as FrequencyResponse
 from .nonlinear.system import NonlinearSystem as NonlinearSystem
 from .nonlinear.system import nonlinear_system as nonlinear_system

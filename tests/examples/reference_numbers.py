@@ -15,7 +15,8 @@ from typing import Any
 import mbrs as mb
 import numpy as np
 from mbrs import reference
-from mbrs.model.tables import directions, tables
+from mbrs.model.directions import directions
+from mbrs.model.tables import tables
 from mbrs.reference.dynamics import elements
 from mbrs.reference.kinematics import moving
 
@@ -117,7 +118,7 @@ def numbers(case: Case) -> dict[str, Any]:
     """Frequencies, damping ratios, one transfer function and sensitivities, by the reference alone."""
     model = case.model()
     own = tables(model)
-    state_of = _equilibrium if case.at_equilibrium else reference.sensitivity.drawn_and_assembled
+    state_of = _equilibrium if case.at_equilibrium else reference.assembly.drawn_and_assembled
     system = reference.System(own)
     state = state_of(system)
     lin = reference.linearize(system, state)

@@ -6,7 +6,8 @@ import mbrs as mb
 import numpy as np
 import pytest
 from mbrs.examples import _car
-from mbrs.model.tables import directions, tables
+from mbrs.model.directions import directions
+from mbrs.model.tables import tables
 from oracles.ali3p import Scheme
 from oracles.ali3p_tree import TreeMechanism
 

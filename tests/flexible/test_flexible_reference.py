@@ -30,7 +30,8 @@ def somewhere(sys, rng, size=0.3, rate=1.0):
     """A state away from the drawn one, moving."""
     state = ref.assemble(sys, ref.drawn_state(sys))
     state = advance(sys, state, size * rng.normal(size=sys.ny))
-    return with_rates(sys, start(sys, state, rate * rng.normal(size=sys.ny)))
+    begun = start(sys, state, rate * rng.normal(size=sys.ny))
+    return with_rates(sys, begun.state, begun.rate)
 
 
 def test_the_cloud_has_the_integrals():

@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 from agreement import all_addresses
 from mbrs.examples import five_bar
-from mbrs.model.tables import directions, tables
+from mbrs.model.directions import directions
+from mbrs.model.tables import tables
 from motion_models import blade, open_chain, silent, spatial_loop
 from oracles.ali3p import Scheme
 from oracles.ali3p_tree import TreeMechanism

@@ -10,7 +10,7 @@ from agreement import all_addresses
 from gradient_scenes import SCENES
 from mbrs import _core
 from mbrs.examples import five_bar
-from mbrs.model.tables import directions
+from mbrs.model.directions import directions
 from mbrs.system.snapshot import Snapshot
 from motion_models import open_chain, silent, spatial_loop
 from test_gradient import FIVE_BAR, LENGTHS, differences, drift, everything, worst

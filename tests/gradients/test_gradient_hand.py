@@ -6,7 +6,7 @@ import pytest
 from agreement import all_addresses
 from gradient_scenes import SCENES
 from mbrs import _core
-from mbrs.model.tables import directions
+from mbrs.model.directions import directions
 from mbrs.system.snapshot import Snapshot
 from motion_models import silent
 from test_gradient_pairs import asked_of, run_of

@@ -14,7 +14,7 @@ import pytest
 from agreement import all_addresses
 from gradient_scenes import SCENES
 from mbrs import _core
-from mbrs.model.tables import directions
+from mbrs.model.directions import directions
 from mbrs.motion.quantities import Names
 from mbrs.motion.tangent import Run
 from mbrs.system.compiled import compiled

@@ -1,9 +1,11 @@
 """The equilibrium of a model with a knife edge: a family of them, so that what is found must not hang on the search."""
 
 import changes
+import descriptions
 import mbrs as mb
 import numpy as np
 import pytest
+import units
 
 
 def skate(seed):
@@ -25,7 +27,7 @@ def skate(seed):
 CHANGES = {
     "order": changes.reordered(np.random.default_rng(5)),
     "turned": changes.turned(np.random.default_rng(6)),
-    "units": changes.in_units(270.0, 0.3, 0.02),
+    "units": units.in_units(270.0, 0.3, 0.02),
     "reversed": changes.reversed_joints(np.random.default_rng(8)),
 }
 
@@ -67,7 +69,7 @@ def test_place_does_not_depend_on_where_the_search_began(seed):
     """From the equilibrium itself, and from where it was drawn in one step more: what is allowed is one rule for all starts."""
     m = skate(seed)
     first = mb.equilibrium(m)
-    twin = changes.Description.of(m)
+    twin = descriptions.Description.of(m)
     for joint in twin["joint"]:
         if joint["type"] == "knife_edge":
             joint["name"] = "other edge"

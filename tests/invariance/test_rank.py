@@ -4,6 +4,7 @@ import re
 import warnings
 
 import changes
+import descriptions
 import linkages
 import mbrs as mb
 import numpy as np
@@ -34,14 +35,14 @@ def cases():
 
 def redrawn(family, change, seed):
     rng = np.random.default_rng([seed, len(family.name)])
-    model = family.build(rng)
+    model = family.model(rng)
     return CHANGES[change](rng, seed)(model)
 
 
 @pytest.mark.parametrize(("family", "change"), list(cases()))
 def test_degrees_of_freedom(family, change):
     found = [mb.System(redrawn(family, change, seed)).dof for seed in range(MODELS)]
-    assert found == [family.dof] * MODELS
+    assert found == [family.answer["dof"]] * MODELS
 
 
 def with_tolerance(description, tolerance):
@@ -55,31 +56,31 @@ def with_tolerance(description, tolerance):
     return model
 
 
-@pytest.mark.parametrize("family", [f for f in linkages.FAMILIES if f.dof], ids=lambda f: f.name)
+@pytest.mark.parametrize("family", [f for f in linkages.FAMILIES if f.answer["dof"]], ids=lambda f: f.name)
 def test_a_coarse_drawing_moves_with_its_tolerance(family):
     """Six digits and axes tilted by 1e-6: with a tolerance of 1e-4 every linkage has its degrees of freedom."""
     found = []
     for seed in range(4):
         rng = np.random.default_rng([seed, 11])
         change = changes.chain(changes.general(rng, digits=6), changes.tilted(rng, 1e-6))
-        found.append(mb.System(with_tolerance(change.apply(changes.Description.of(family.build(rng))), 1e-4)).dof)
-    assert found == [family.dof] * 4
+        found.append(mb.System(with_tolerance(change.apply(descriptions.Description.of(family.model(rng))), 1e-4)).dof)
+    assert found == [family.answer["dof"]] * 4
 
 
-@pytest.mark.parametrize("family", [f for f in linkages.FAMILIES if not f.dof], ids=lambda f: f.name)
+@pytest.mark.parametrize("family", [f for f in linkages.FAMILIES if not f.answer["dof"]], ids=lambda f: f.name)
 def test_a_frame_stays_locked_with_a_coarse_tolerance(family):
     found = []
     for seed in range(4):
         rng = np.random.default_rng([seed, 12])
         change = changes.general(rng, digits=8)
-        found.append(mb.System(with_tolerance(change.apply(changes.Description.of(family.build(rng))), 1e-5)).dof)
+        found.append(mb.System(with_tolerance(change.apply(descriptions.Description.of(family.model(rng))), 1e-5)).dof)
     assert found == [0] * 4
 
 
 def test_a_fine_tolerance_locks_a_tilted_four_bar():
     rng = np.random.default_rng(5)
     change = changes.chain(changes.general(rng), changes.tilted(rng, 1e-8))
-    drawn = change.apply(changes.Description.of(linkages.four_bar(rng)))
+    drawn = change.apply(descriptions.Description.of(linkages.four_bar(rng)))
     assert [mb.System(with_tolerance(drawn, t)).dof for t in (1e-11, 1e-6)] == [0, 1]
 
 
@@ -95,17 +96,11 @@ def what_is_said(analysis, model):
 
 
 @pytest.mark.parametrize("seed", range(3))
-@pytest.mark.parametrize(
-    ("linkage", "words"),
-    [
-        (linkages.flat_parallelogram, "bifurcation|branch|singular"),
-        (linkages.two_collinear_bars, "shaky|second order|infinitesimal"),
-    ],
-    ids=["flat parallelogram", "collinear bars"],
-)
-def test_singular_poses_are_named_and_have_no_modes(linkage, words, seed):
+@pytest.mark.parametrize("family", linkages.SINGULAR, ids=lambda f: f.name)
+def test_singular_poses_are_named_and_have_no_modes(family, seed):
+    words = family.answer["words"]
     rng = np.random.default_rng([seed, 13])
-    model = changes.general(rng)(linkage(rng))
+    model = changes.general(rng)(family.model(rng))
     said = what_is_said(mb.System, model)
     assert re.search(words, said) and re.search(r"joint\d", said)
     with pytest.raises(mb.MbrsError, match=words):

@@ -4,6 +4,7 @@ import changes
 import mbrs as mb
 import numpy as np
 import pytest
+import units
 
 
 def flutter(axis):
@@ -33,7 +34,7 @@ def test_a_follower_torque_in_any_size(size):
     for seed in range(5):
         m = flutter(np.random.default_rng(seed).normal(size=3))
         expected = mb.modes(m)
-        small = mb.modes(changes.in_units(size)(m))
+        small = mb.modes(units.in_units(size)(m))
         assert small.status == "converged"
         assert np.sort(small.omega) == pytest.approx(np.sort(expected.omega), rel=1e-9)
         assert small.roots.real.max() == pytest.approx(expected.roots.real.max(), abs=1e-8)
@@ -43,7 +44,7 @@ def test_a_follower_torque_in_any_size(size):
 def test_rotating_damping_in_any_size(size):
     m, speed = rotor()
     expected = mb.modes(m, at=mb.steady_motion(m, speed))
-    small = changes.in_units(size)(m)
+    small = units.in_units(size)(m)
     found = mb.modes(small, at=mb.steady_motion(small, speed))
     a, b = (x.roots[np.lexsort((x.roots.real, np.round(x.roots.imag, 4)))] for x in (expected, found))
     assert a == pytest.approx(b, rel=1e-7, abs=1e-5)

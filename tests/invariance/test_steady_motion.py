@@ -7,6 +7,7 @@ import changes
 import mbrs as mb
 import numpy as np
 import pytest
+import units
 import zoo
 
 
@@ -43,7 +44,7 @@ def disc(k_axial, k_tilt=2e3, length=1.0):
     m = mb.Model("disc")
     d = m.body("disc", mass=10.0, inertia=(0.1, 0.05, 0.05), at=(0, 0, 0))
     m.bushing("support", m.ground, d, at=(0, 0, 0), k=(k_axial, 1e6, 1e6, 0, k_tilt, k_tilt))
-    return changes.in_units(length)(m) if length != 1.0 else m
+    return units.in_units(length)(m) if length != 1.0 else m
 
 
 def change_over_a_turn(m):

@@ -10,15 +10,17 @@ import warnings
 from functools import lru_cache
 
 import changes
+import descriptions
 import mbrs as mb
 import numpy as np
 import problems
 import pytest
 import random_models
+import units
 
 
 def _without_torsion(model):
-    d = changes.Description.of(model)
+    d = descriptions.Description.of(model)
     if "element" in d.data:
         d.data["element"] = [e for e in d["element"] if e["type"] != "torsion"]
     return d.model()
@@ -69,9 +71,9 @@ MODELS = {f.__name__: f for f in (tree, loop, hanging_four_bar, damped_four_bar,
 CHANGES = {
     "turned": lambda rng: changes.turned(rng),
     "moved": lambda rng: changes.turned(rng, distance=1e4),
-    "millimetres": lambda rng: changes.in_units(1e3, 1e-3),
-    "micrometres": lambda rng: changes.in_units(1e6, 3.7, 11.0),
-    "large": lambda rng: changes.in_units(0.3e-4, 1.7e5, 0.013),
+    "millimetres": lambda rng: units.in_units(1e3, 1e-3),
+    "micrometres": lambda rng: units.in_units(1e6, 3.7, 11.0),
+    "large": lambda rng: units.in_units(0.3e-4, 1.7e5, 0.013),
     "order": lambda rng: changes.reordered(rng),
     "names": lambda rng: changes.renamed(rng),
     "digits12": lambda rng: changes.rounded(12),
@@ -125,7 +127,7 @@ def cases(models=MODELS, which=CHANGES):
 
 def bodies(model):
     """Names, without those that a change may have added."""
-    return [b["name"] for b in changes.Description.of(model)["body"]]
+    return [b["name"] for b in descriptions.Description.of(model)["body"]]
 
 
 def allowed(change, exact=1e-9, slope=1e3):

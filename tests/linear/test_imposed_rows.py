@@ -79,7 +79,7 @@ def test_rows_of_core_and_reference(t):
     velocity = rm.velocity_rows(sys)
     phi = np.zeros(len(velocity))
     phi[~velocity] = constraint_values(sys, there, sys.cut)
-    moving = rm.with_rates(sys, rm.Motion(there, state.rate, np.zeros(0)))
+    moving = rm.with_rates(sys, there, state.rate)
     first, second = rm.explicit_rates(sys)
     try:
         turning = rm.tree_map(sys, moving, moving=True)[1].derivative(1).T @ state.rate

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from agreement import advanced, all_addresses, drawn, held, relative_difference, show, spinning, worst_of
 from mbrs import reference as ref
-from mbrs.model.tables import directions, tables
+from mbrs.model.directions import directions
+from mbrs.model.tables import tables
 from mbrs.system.compiled import compiled
 from random_models import TREE_JOINTS, random_loop, random_tree
 

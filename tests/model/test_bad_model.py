@@ -12,9 +12,10 @@ from junk import JUNK
 from mbrs import examples
 from mbrs.errors import DuplicateNameError, InertiaError, MbrsError, MbrsWarning, ModelError, NameNotFoundError
 from mbrs.model import toml
+from mbrs.model.directions import directions
 from mbrs.model.model import Model
 from mbrs.model.rotations import rotation
-from mbrs.model.tables import directions, tables
+from mbrs.model.tables import tables
 from mbrs.model.toml import dumps
 from scenes import FakeLaw, everything, same_tables
 

@@ -11,10 +11,11 @@ from mbrs._lib.rotations import matrix_to_quaternion, quaternion_matrix
 from mbrs.errors import ModelError, NameNotFoundError
 from mbrs.examples import cubic_hexapod, four_bar
 from mbrs.model.addresses import driver
+from mbrs.model.directions import directions, dx_dV
 from mbrs.model.model import Model
 from mbrs.model.ports import as_port, base_motion
 from mbrs.model.rotations import rotation
-from mbrs.model.tables import directions, dx_dV, tables, x
+from mbrs.model.tables import tables, x
 from mbrs.system.compiled import compiled
 from mbrs.system.effects import EFFECTS, check_without, effects
 from scenes import everything, same_tables

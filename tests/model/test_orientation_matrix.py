@@ -5,7 +5,8 @@ from __future__ import annotations
 import mbrs as mb
 import numpy as np
 import pytest
-from mbrs.model.tables import directions, tables
+from mbrs.model.directions import directions
+from mbrs.model.tables import tables
 from scipy.spatial.transform import Rotation
 
 

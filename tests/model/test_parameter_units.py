@@ -6,8 +6,8 @@ import mbrs as mb
 import pytest
 from mbrs._lib.text import unit_note
 from mbrs.errors import ModelError
+from mbrs.model.directions import directions
 from mbrs.model.model import Model
-from mbrs.model.tables import directions
 from mbrs.model.toml import dumps, loads
 
 

@@ -216,7 +216,7 @@ def test_what_has_no_derivative_says_so(m):
     m.parameter("zero", 0.0)
     m.body("b", mass=1.0 + abs(m["zero"]), inertia=(1, 1, 1))
     assert m.value("b.mass") == 1.0
-    from mbrs.model.tables import directions
+    from mbrs.model.directions import directions
 
     with pytest.raises(NotDifferentiableError, match="abs"):
         directions(m, "zero")

@@ -8,11 +8,11 @@ C. R. Acad. Sci. 36 (1853) 1036; K. H. Hunt, Kinematic Geometry of Mechanisms, O
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import mbrs as mb
 import numpy as np
+from problems import Problem
 
 Z = np.array([0.0, 0.0, 1.0])
 
@@ -245,13 +245,6 @@ def sarrus(rng):
     return m
 
 
-def ladder(joint):
-    def build(rng):
-        return mb.examples.ladder(4, joint=joint)
-
-    return build
-
-
 # --- singular as drawn -----
 
 
@@ -268,42 +261,48 @@ def two_collinear_bars(rng):
     return closed_chain(rng, "collinear bars", np.array([(0, 0, 0), (a, 0, 0), (a + b, 0, 0)]), [Z] * 3)
 
 
-@dataclass(frozen=True)
-class Family:
-    """A linkage and its degrees of freedom."""
-
-    build: Callable
-    dof: int
+@dataclass
+class Family(Problem):
+    """``model`` draws a linkage from a random generator; its answer holds the degrees of freedom or what singular poses are called."""
 
     @property
     def name(self) -> str:
-        return self.build.__name__
+        return self.model.__name__
 
 
+def families(dof, source, *draw):
+    return [Family(one, {"dof": dof}, source) for one in draw]
+
+
+LINES = "joints on one line share the motions about and along it"
+PLANES = "Hunt, Kinematic Geometry of Mechanisms: Gruebler's count in the plane, 3 (n - 1) - 2 j"
+SPACE = "Hunt, Kinematic Geometry of Mechanisms: 6 (n - 1) - 5 j hinges in general position"
 FAMILIES = [
-    Family(door, 1),
-    Family(door_at_one_point, 1),
-    Family(shaft_rcc, 1),
-    Family(shaft_ccc, 2),
-    Family(shaft_rrr, 1),
-    Family(drawer, 1),
-    Family(plate_on_two_planes, 3),
-    Family(hinge_and_ball_at_one_point, 1),
-    Family(hinge_and_ball_on_the_axis, 1),
-    Family(hinge_and_ball_off_the_axis, 0),
-    Family(two_balls, 1),
-    Family(two_balls_at_one_point, 3),
-    Family(three_balls_in_line, 1),
-    Family(three_balls_in_a_triangle, 0),
-    Family(ball_and_loose_bearing, 1),
-    Family(four_bar, 1),
-    Family(four_bar_with_ball, 1),
-    Family(triangle, 0),
-    Family(bennett, 1),
-    Family(bricard, 1),
-    Family(six_hinges, 0),
-    Family(seven_hinges, 1),
-    Family(three_cranks, 1),
-    Family(braced_four_bar, 0),
-    Family(sarrus, 1),
+    *families(
+        1, LINES, door, door_at_one_point, shaft_rcc, shaft_rrr, hinge_and_ball_at_one_point, hinge_and_ball_on_the_axis
+    ),
+    *families(1, LINES, two_balls, three_balls_in_line, ball_and_loose_bearing),
+    *families(2, LINES, shaft_ccc),
+    *families(0, "no line through all joints", hinge_and_ball_off_the_axis, three_balls_in_a_triangle),
+    *families(1, "two slides along one direction are one", drawer),
+    *families(3, "two joints that repeat each other are one", plate_on_two_planes, two_balls_at_one_point),
+    *families(1, PLANES, four_bar, four_bar_with_ball),
+    *families(0, PLANES, triangle, braced_four_bar),
+    *families(
+        1, "equal cranks turn alike, however many: three_cranks repeats a row of its parallelogram", three_cranks
+    ),
+    *families(1, "Baker, Mech. Mach. Theory 14 (1979) 253-267", bennett, bricard),
+    *families(0, SPACE, six_hinges),
+    *families(1, SPACE, seven_hinges),
+    *families(1, "Sarrus, C. R. Acad. Sci. 36 (1853) 1036", sarrus),
+]
+SINGULAR = [
+    Family(
+        flat_parallelogram,
+        {"words": "bifurcation|branch|singular"},
+        "two branches of motion meet where all bars are in line",
+    ),
+    Family(
+        two_collinear_bars, {"words": "shaky|second order|infinitesimal"}, "the middle moves by the root of a strain"
+    ),
 ]

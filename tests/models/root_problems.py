@@ -1,4 +1,4 @@
-"""Standard systems of nonlinear equations with their starts and sources, for tests and benches of `mb.root`.
+"""Standard systems of nonlinear equations with their starts and sources, for tests and benches of `mb.root`: part of the zoo.
 
 MGH: J. J. More, B. S. Garbow and K. E. Hillstrom, ACM Trans. Math. Softw. 7 (1981) 17-41, with the number there.
 Luksan: L. Luksan, J. Optim. Theory Appl. 81 (1994) 569-590. Kelley: C. T. Kelley, Solving Nonlinear Equations with
@@ -8,21 +8,29 @@ Newton's Method, SIAM 2003. Raydan: M. Raydan, SIAM J. Optim. 7 (1997) 26-33.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
+from problems import Problem
+from scipy.optimize import brentq
 
 
-@dataclass(frozen=True)
-class Problem:
-    """F, the standard start, the source, the half width of the band of the Jacobian (None: full), its symmetry."""
+@dataclass
+class RootProblem(Problem):
+    """``model`` is F, with its standard start, the half width of the band of its Jacobian (None: full) and the symmetry of it. Its
+    answer is a root (n,), by arithmetic, or None where no closed form is known.
+    """
 
-    name: str
-    fun: Callable[[np.ndarray], np.ndarray]
-    x0: np.ndarray
-    source: str
+    model: Callable[[np.ndarray], np.ndarray]
+    answer: np.ndarray | None
+    name: str = field(kw_only=True)
+    x0: np.ndarray = field(kw_only=True)
     band: int | None = None
     symmetric: bool = False
+
+    @property
+    def fun(self) -> Callable[[np.ndarray], np.ndarray]:
+        return self.model
 
     @property
     def n(self) -> int:
@@ -162,42 +170,64 @@ def convex(x):
     return np.exp(x) - 1
 
 
-def _chebyquad_start(n):
-    return _grid(n)
+def _badly_scaled_root(n):
+    second = brentq(lambda b: np.exp(-1e-4 / b) + np.exp(-b) - 1.0001, 5.0, 15.0, xtol=1e-14)
+    return np.array([1e-4 / second, second])
 
 
-def problem(name: str, n: int | None = None) -> Problem:
+def problem(name: str, n: int | None = None) -> RootProblem:
     """The problem of that name at size n (None: its first size)."""
-    fun, size, start, source, band, symmetric = TABLE[name]
+    fun, size, start, root, source, band, symmetric = TABLE[name]
     n = size if n is None else n
-    return Problem(name, fun, start(n), source, band, symmetric)
+    answer = None if root is None else root(n)
+    return RootProblem(fun, answer, source, name=name, x0=start(n), band=band, symmetric=symmetric)
 
 
-# name: F, first size, start, source, half width of the band, symmetric Jacobian
+def _repeated(*values):
+    """These values, over and over."""
+    return lambda n: np.tile(np.array(values, dtype=float), n // len(values))
+
+
+def _bent(n):
+    return _grid(n) * (_grid(n) - 1)
+
+
+# name: F, first size, start, root, source, half width of the band, symmetric Jacobian
 TABLE = {
-    "Rosenbrock": (rosenbrock, 10, lambda n: np.tile([-1.2, 1.0], n // 2), "MGH 21", 1, False),
-    "Powell singular": (powell_singular, 4, lambda n: np.tile([3.0, -1, 0, 1], n // 4), "MGH 22", 3, False),
+    "Rosenbrock": (rosenbrock, 10, _repeated(-1.2, 1), np.ones, "MGH 21", 1, False),
+    "Powell singular": (powell_singular, 4, _repeated(3, -1, 0, 1), np.zeros, "MGH 22", 3, False),
     "Freudenstein-Roth": (
         freudenstein_roth,
         10,
-        lambda n: np.tile([6.0, 5.0], n // 2),
+        _repeated(6, 5),
+        _repeated(5, 4),
         "MGH 2, repeated; start (6, 5)",
         1,
         False,
     ),
-    "Powell badly scaled": (powell_badly_scaled, 2, lambda n: np.array([0.0, 1.0]), "MGH 3", None, False),
-    "helical valley": (helical_valley, 3, lambda n: np.array([-1.0, 0, 0]), "MGH 7", None, False),
-    "trigonometric": (trigonometric, 10, lambda n: np.full(n, 1 / n), "MGH 26", None, False),
-    "Brown almost-linear": (brown_almost_linear, 10, lambda n: np.full(n, 0.5), "MGH 27", None, False),
-    "boundary value": (boundary_value, 10, lambda n: _grid(n) * (_grid(n) - 1), "MGH 28", 1, True),
-    "integral": (integral, 10, lambda n: _grid(n) * (_grid(n) - 1), "MGH 29", None, False),
-    "Broyden tridiagonal": (broyden_tridiagonal, 10, lambda n: -np.ones(n), "MGH 30", 1, False),
-    "Broyden banded": (broyden_banded, 10, lambda n: -np.ones(n), "MGH 31", 5, False),
-    "Chebyquad": (chebyquad, 7, _chebyquad_start, "MGH 35", None, False),
-    "trigexp": (trigonometric_exponential, 100, lambda n: np.zeros(n), "Luksan, Toint's problem", 1, False),
-    "exponential": (exponential, 2, lambda n: np.ones(n), "own", 1, False),
-    "tridiagonal cubic": (cubic, 10, lambda n: np.zeros(n), "own", 1, True),
-    "H-equation": (h_equation, 100, lambda n: np.ones(n), "Kelley, c = 0.9", None, False),
-    "Bratu": (bratu, 900, lambda n: np.zeros(n), "Kelley; -u'' = 6 exp u on a square", 30, True),
-    "strictly convex": (convex, 1000, lambda n: np.arange(1, n + 1) / n, "Raydan, strictly convex 1", 0, True),
+    "Powell badly scaled": (powell_badly_scaled, 2, _repeated(0, 1), _badly_scaled_root, "MGH 3", None, False),
+    "helical valley": (helical_valley, 3, _repeated(-1, 0, 0), _repeated(1, 0, 0), "MGH 7", None, False),
+    "trigonometric": (trigonometric, 10, lambda n: np.full(n, 1 / n), np.zeros, "MGH 26", None, False),
+    "Brown almost-linear": (brown_almost_linear, 10, lambda n: np.full(n, 0.5), np.ones, "MGH 27", None, False),
+    "boundary value": (boundary_value, 10, _bent, None, "MGH 28", 1, True),
+    "integral": (integral, 10, _bent, None, "MGH 29", None, False),
+    "Broyden tridiagonal": (broyden_tridiagonal, 10, _repeated(-1), None, "MGH 30", 1, False),
+    "Broyden banded": (broyden_banded, 10, _repeated(-1), None, "MGH 31", 5, False),
+    "Chebyquad": (chebyquad, 7, _grid, None, "MGH 35", None, False),
+    "trigexp": (trigonometric_exponential, 100, np.zeros, np.ones, "Luksan, Toint's problem", 1, False),
+    "exponential": (exponential, 2, np.ones, np.zeros, "own", 1, False),
+    "tridiagonal cubic": (cubic, 10, np.zeros, None, "own", 1, True),
+    "H-equation": (h_equation, 100, np.ones, None, "Kelley, c = 0.9", None, False),
+    "Bratu": (bratu, 900, np.zeros, None, "Kelley; -u'' = 6 exp u on a square", 30, True),
+    "strictly convex": (
+        convex,
+        1000,
+        lambda n: np.arange(1, n + 1) / n,
+        np.zeros,
+        "Raydan, strictly convex 1",
+        0,
+        True,
+    ),
 }
+# Their roots are not alone: another may be met.
+SEVERAL_ROOTS = ("trigonometric", "Brown almost-linear", "Powell badly scaled")

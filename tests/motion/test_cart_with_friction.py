@@ -303,7 +303,7 @@ def test_motion_without_slip_equals_the_reference():
 
 def spring_energy(sys, there):
     """The laws' share: k3 u^4 / 4 of the cubic, k (u - z)^2 / 2 of the slider's spring."""
-    state = rm.with_rates(sys, there)
+    state = rm.with_rates(sys, there.state, there.rate)
     (_, u, _, _), (_, a, _, _) = rm.law_motions(sys, state)
     return 0.25 * K3 * u**4 + 0.5 * K_SLIDER * (a - there.memory[0]) ** 2
 

@@ -12,8 +12,9 @@ from mbrs.errors import MbrsWarning, ModelError
 from mbrs.examples import duffing, two_tone_duffing
 from mbrs.linear.matrices import MechanicalSystem
 from mbrs.model.laws import CoulombTanh, Cubic, Jenkins, VanDerPol
-from mbrs.nonlinear.quasi_periodic import diamond, quasi_periodic
+from mbrs.nonlinear.quasi_periodic import quasi_periodic
 from mbrs.nonlinear.quasi_periodic_curves import quasi_periodic_response
+from mbrs.nonlinear.torus import diamond
 from mbrs.reference import hbm_balance
 
 

@@ -93,7 +93,7 @@ class _Step:
 
     def __call__(self, x: Array) -> Array:
         theta, m, lam, mu = self.motion(x)
-        sys, state = self.sys, with_rates(self.sys, m)
+        sys, state = self.sys, with_rates(self.sys, m.state, m.rate)
         T, Jt = tree_map(sys, state, moving=True)
         J = Jt.value.T[self.rows]
         a = m.rate / self.g + self.rate_past

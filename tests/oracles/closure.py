@@ -8,11 +8,10 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
-from mbrs.reference.assembly import constraint_values, cut_jacobian, null_space, partition, scales
+from mbrs.reference.assembly import constraint_values, cut_jacobian, drawn_and_assembled, null_space, partition, scales
 from mbrs.reference.kinematics import State, System, motion, split, tree_twists
 from mbrs.reference.linear import RANK_TOLERANCE
-from mbrs.reference.sensitivity import STEP, drawn_and_assembled
-from mbrs.reference.so3 import Array
+from mbrs.reference.so3 import STEP, Array
 
 
 def left_null_space(J: Array, tolerance: float = RANK_TOLERANCE) -> Array:

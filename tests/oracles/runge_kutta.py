@@ -48,7 +48,7 @@ def independent_rows(sys: System, state: State) -> tuple[Array, int]:
 
 def accelerations(sys: System, m: Motion, rows: Array) -> Array:
     """v' of the tree coordinates."""
-    state = with_rates(sys, m)
+    state = with_rates(sys, m.state, m.rate)
     T, Jt = tree_map(sys, state, moving=True)
     drift = T.derivative(1) @ m.rate
     h = T.value.T @ dyn.applied_residual(sys, state, drift, memory=m.memory)

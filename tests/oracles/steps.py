@@ -32,7 +32,7 @@ class Steps(History):
 
 def residual(sys: System, m: Motion, a: Array, lam: Array) -> Array:
     """M a + h + J^T lam (ny,)."""
-    state = with_rates(sys, m)
+    state = with_rates(sys, m.state, m.rate)
     T, Jt = tree_map(sys, state, moving=True)
     twist_rates = T.derivative(1) @ m.rate + T.value @ a
     return T.value.T @ dyn.applied_residual(sys, state, twist_rates, memory=m.memory) + Jt.value @ lam

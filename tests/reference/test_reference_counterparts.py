@@ -14,7 +14,9 @@ import numpy as np
 import pytest
 from cranks import DUFFING, OSCILLATOR, TONES, bent_shaft, crank
 from mbrs import reference as ref
-from mbrs.model.tables import directions, tables
+from mbrs._lib.names import PUBLIC
+from mbrs.model.directions import directions
+from mbrs.model.tables import tables
 from mbrs.reference import hbm_shooting
 from mbrs.results import Result
 
@@ -201,7 +203,7 @@ CASES = {
 def public_analyses():
     """Public functions that return a `Result` (or a union, or anything, of them)."""
     found = []
-    for name in mb._HOME:
+    for name in PUBLIC:
         value = getattr(mb, name)
         if not inspect.isfunction(value):
             continue

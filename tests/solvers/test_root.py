@@ -123,6 +123,18 @@ def test_every_problem_is_solved_by_the_defaults(name, n):
     assert found.fun == pytest.approx(p.fun(found.x), abs=1e-12)
 
 
+@pytest.mark.parametrize(
+    "name", [name for name in root_problems.TABLE if root_problems.problem(name).answer is not None]
+)
+def test_known_roots_are_met(name):
+    """Powell's singular function is a square at its root: residuals of 1e-12 leave 1e-6 of the unknowns."""
+    p = root_problems.problem(name)
+    assert np.abs(p.fun(p.answer)).max() < 1e-11
+    if name not in root_problems.SEVERAL_ROOTS:
+        near = 1e-5 if name == "Powell singular" else 1e-9
+        assert mb.root(p.fun, p.x0, tol=1e-12).x == pytest.approx(p.answer, abs=near)
+
+
 def test_a_stall_is_met_by_the_fallback_and_said():
     p = root_problems.problem("Rosenbrock")
     found = mb.root(p.fun, p.x0)
@@ -337,19 +349,11 @@ def test_counts_without_end_are_no_error():
 def test_an_inverse_of_another_size_is_refused():
     """Also one of limited memory, which has no matrix whose shape could be asked."""
     band = sparse.diags([np.ones(2999), np.ones(3000), np.ones(2999)], [-1, 0, 1])
-    kept = mb.root(tridiagonal, -np.ones(3000), sparsity=band).inverse
+    kept = mb.root(root_problems.broyden_tridiagonal, -np.ones(3000), sparsity=band).inverse
     assert kept.n == 3000
     for n in (2, 3001):
         with pytest.raises(mb.ModelError, match="of 3000 unknowns"):
-            mb.root(tridiagonal, -np.ones(n), inverse0=kept)
-
-
-def tridiagonal(x):
-    """Broyden's tridiagonal function."""
-    r = (3 - 2 * x) * x + 1
-    r[1:] -= x[:-1]
-    r[:-1] -= 2 * x[1:]
-    return r
+            mb.root(root_problems.broyden_tridiagonal, -np.ones(n), inverse0=kept)
 
 
 def algorithm_1(fun, x, tol, most):
@@ -396,6 +400,6 @@ def test_plain_adds_nothing():
     found = mb.root(p.fun, p.x0, plain=True, tol=1e-8)
     assert not found.success and found.fallback is None and found.n_restarts == 0
     assert mb.root(p.fun, p.x0, plain=True, jac0="fd", tol=1e-8).nit == DIFFERENCES["Broyden tridiagonal"]
-    for given in ({"restarts": 2}, {"memory": 5}, {"patience": 7}):
+    for given in ({"restarts": 2}, {"memory": 5}, {"patience": 7}, {"sparsity": np.eye(10)}):
         with pytest.raises(mb.ModelError, match=f"without {next(iter(given))}="):
             mb.root(p.fun, p.x0, plain=True, **given)

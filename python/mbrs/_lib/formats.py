@@ -7,9 +7,8 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 from ..errors import ModelError, OmissionWarning
 
@@ -25,8 +24,7 @@ _LISTED = 6
 _LONGEST_NAME = 60
 
 
-@dataclass(frozen=True)
-class Format:
+class Format(NamedTuple):
     """A kind of file by its ending, with its reader and writer.
 
     Attributes
@@ -53,8 +51,7 @@ class Format:
     largest: int = LARGEST_FILE
 
 
-@dataclass(frozen=True)
-class Omission:
+class Omission(NamedTuple):
     """Something that a file or a model has and the other side has not.
 
     Attributes

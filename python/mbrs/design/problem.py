@@ -11,10 +11,11 @@ from typing import TYPE_CHECKING, Any, Unpack
 import numpy as np
 
 from ..errors import ModelError
-from ..gradients.gradient import finite, gradient
+from ..gradients.gradient import gradient
 from ..gradients.objectives import Objective
+from ..gradients.steps import finite
+from ..model.directions import directions
 from ..model.names import nearest, shown
-from ..model.tables import directions
 from ..motion.tangent import value_at
 from .functions import Constraint, DesignFunctions, number_or_infinite
 from .goals import Goal, Sum

@@ -14,7 +14,7 @@ from .._lib.checks import choice, count, shown
 from .._lib.progress import Progress
 from ..errors import Interrupted, MbrsError, ModelError
 from ..linear.pairing import Pairing, pair
-from ..model.tables import directions
+from ..model.directions import directions
 from ..motion.tangent import value_at
 from ..results import Stats
 from .evidence import Block, Evidence, evidence

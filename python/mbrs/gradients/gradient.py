@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import math
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -18,16 +17,12 @@ from .._lib.progress import Elapsed
 from .._lib.vetter import Derivative
 from ..errors import ModelError, NameNotFoundError
 from ..model.addresses import target
-from ..model.tables import Directions, directions
+from ..model.directions import Directions, directions
 from ..motion.quantities import Names
-from ..motion.simulate import simulate
 from ..motion.tangent import (
     RHO,
     Kink,
     Run,
-    grid,
-    least_gap,
-    require_exact_tangents,
     require_followed_guess,
     value_at,
     warn_of,
@@ -35,14 +30,13 @@ from ..motion.tangent import (
 )
 from ..results import Stats, added_counts
 from ..system.effects import check_without, effects
-from ..system.snapshot import Snapshot
-from ..system.state import state_of
 from .motion_gradient import MotionGradient, effects_of
 from .objectives import Evaluation, Integral, NewReading, Objective, Reader, evaluate, number
+from .steps import finite, prepare
 
 if TYPE_CHECKING:
     from ..model.model import Model
-    from ..system.state import State, StateLike
+    from ..system.state import StateLike
 
 # order of the error of a gradient, or a little less: its estimate divides by a power of two of it
 _ORDERS = {"explicit": 7, "radau": 5, "bdf": 4, "ali3p": 2, "generalized-alpha": 2}
@@ -175,22 +169,10 @@ def gradient(
     True
     """
     begin = time.perf_counter()
-    if scheme is None:
-        scheme = "auto" if step is None and weight is None else "ali3p"
-    if scheme not in (*SCHEMES, "auto"):
-        raise ModelError(
-            f"scheme={scheme!r} has no sensitivities; those that have are "
-            f"{', '.join(f'scheme={name!r}' for name in SCHEMES)} (mb.simulate runs them as method=)"
-        )
     if method not in METHODS:
         raise ModelError(f"method= is one of {', '.join(map(repr, METHODS))}, got {shown(method)}")
-    kind = _variant(scheme, weight, rho)
-    many = isinstance(objective, (list, tuple))
-    objectives: list[Any] = list(objective) if isinstance(objective, (list, tuple)) else [objective]
-    if not objectives or not all(isinstance(o, Objective) for o in objectives):
-        raise ModelError(
-            f"objective= takes mb.Integral, mb.Final or mb.AtTimes, or several of them, got {shown(objective)}"
-        )
+    kind = _variant(scheme, step, weight, rho)
+    objectives, many = _objectives(objective)
     run = replace(prepare(m, objectives, t, step, rtol, at, check_without(without), **kind), keep=_kept(keep))
     along = directions(m, parameters)
     require_followed_guess(run, along)
@@ -260,8 +242,26 @@ def _of_pairs(orders: Sequence[int], kept: np.ndarray) -> tuple[int, ...]:
     return tuple(min(part) if min(part) < 0 else part[-1] for part in parts)
 
 
-def _variant(scheme: str, weight: str | None, rho: float | None) -> dict[str, Any]:
+def _objectives(objective: Any) -> tuple[list[Objective], bool]:
+    """The objectives, and whether there may be several."""
+    many = isinstance(objective, (list, tuple))
+    objectives: list[Any] = list(objective) if many else [objective]
+    if not objectives or not all(isinstance(o, Objective) for o in objectives):
+        raise ModelError(
+            f"objective= takes mb.Integral, mb.Final or mb.AtTimes, or several of them, got {shown(objective)}"
+        )
+    return objectives, many
+
+
+def _variant(scheme: str | None, step: Any, weight: str | None, rho: float | None) -> dict[str, Any]:
     """Options of a scheme, checked."""
+    if scheme is None:
+        scheme = "auto" if step is None and weight is None else "ali3p"
+    if scheme not in (*SCHEMES, "auto"):
+        raise ModelError(
+            f"scheme={scheme!r} has no sensitivities; those that have are "
+            f"{', '.join(f'scheme={name!r}' for name in SCHEMES)} (mb.simulate runs them as method=)"
+        )
     if weight is not None and (scheme != "ali3p" or weight not in ("tangent", "mass")):
         raise ModelError(
             f"weight= is 'tangent' or 'mass' and belongs to scheme='ali3p', got {shown(weight)} with {scheme!r}"
@@ -278,130 +278,6 @@ def _kept(keep: Any) -> int:
     if isinstance(keep, bool) or not isinstance(keep, (int, np.integer)) or keep < 0:
         raise ModelError(f"keep= is how many numbers may be kept, an integer of at least 0, got {shown(keep)}")
     return int(keep)
-
-
-def finite(name: str, value: Any, least: float = 0.0) -> float:
-    try:
-        number = float(value)
-    except (TypeError, ValueError):
-        raise ModelError(f"{name}= must be a number, got {shown(value)}") from None
-    if not math.isfinite(number) or number < least:
-        raise ModelError(f"{name}= must be a finite number of at least {least:g}, got {shown(value)}")
-    return number
-
-
-def prepare(
-    m: Model,
-    objectives: Sequence[Objective],
-    t: float,
-    step: float | None,
-    rtol: float | None,
-    at: Any,
-    without: tuple[str, ...],
-    **kind: Any,
-) -> Run:
-    """Start and steps of a motion."""
-    require_exact_tangents(m, without)
-    snapshot = Snapshot.of(m, without)
-    state = state_of(m, snapshot.system, at, hold=False, without=without)
-    end = finite("t", t, state.t)
-    slack = least_gap(state.t, end)
-    for o in objectives:
-        if np.any(np.diff(o.times) <= slack) and end > state.t:
-            raise ModelError(
-                f"mb.AtTimes names times closer than {slack:.1e} s, which cannot be told apart; name each once"
-            )
-    for x in (x for o in objectives for x in o.times):
-        if not state.t - slack <= x <= end + slack:
-            raise ModelError(f"mb.AtTimes names t = {x:.12g} s, outside the motion from {state.t:.12g} to {end:.12g} s")
-    through = [min(max(x, state.t), end) for o in objectives for x in o.times]
-    if step is not None and rtol is not None:
-        raise ModelError("give rtol= (steps chosen first) or step= (fixed steps), not both")
-    if kind["scheme"] == "auto":
-        kind["scheme"] = _scheme(snapshot, state, without, end, step)
-    orders: tuple[int, ...] = ()
-    if end == state.t:
-        times = np.array([end])
-    elif step is not None:
-        h = finite("step", step, np.finfo(float).tiny)
-        if (end - state.t) / h > 1e8:
-            raise ModelError(f"step={step} would need more than 1e8 steps")
-        breaks = _core.motion_breaks(snapshot.system, state.t)
-        times = grid(state.t, end, h, [*through, *breaks])
-    else:
-        marks = np.array(sorted({*(x for x in through if x > state.t), end}))
-        run: dict[str, Any] = {"rtol": 1e-7 if rtol is None else rtol, "at": state, "without": without}
-        multistep = kind["scheme"] == "bdf"
-        if multistep and len(marks) > 1:
-            # every mark has a step that ends near it
-            run["max_step"] = 0.9 * float(np.diff(marks).min())
-        traj = simulate(m, marks, **run, **_as_method(kind))
-        if multistep:
-            breaks = _core.motion_breaks(snapshot.system, state.t)
-            times, orders = _drawn_to(traj.steps, traj.orders, marks, breaks, slack)
-        else:
-            times = _with_marks(traj.steps, marks)
-    inner = any(isinstance(o, Integral) for o in objectives)
-    return Run(m, snapshot, state, without, times, inner=inner, orders=orders, **kind)
-
-
-def _scheme(snapshot: Snapshot, state: State, without: tuple[str, ...], end: float, step: float | None) -> str:
-    """The scheme that is accurate at the least cost."""
-    fixed = None if step is None else finite("step", step, np.finfo(float).tiny)
-    with core_errors():
-        explicit = _core.motion_is_explicit(
-            snapshot.system, state.q, state.rate, state.memory.tolist(), list(without), (state.t, end), fixed
-        )
-    if explicit:
-        return "explicit"
-    # fixed steps may go over a vibration, which the one keeps and the other damps; steps by a tolerance are a few of order five
-    return "radau" if step is None else "ali3p"
-
-
-def _with_marks(steps: np.ndarray, marks: np.ndarray) -> np.ndarray:
-    """Steps that end at the marks too; steps nearer to a mark than a hundredth of their length move to it."""
-    length = np.minimum(np.diff(steps, prepend=-np.inf), np.diff(steps, append=np.inf))
-    far = np.abs(steps[:, None] - marks[None, :]).min(axis=1) > 0.01 * length
-    far[0] = True
-    return np.unique(np.concatenate([steps[far], marks]))
-
-
-def _drawn_to(
-    steps: np.ndarray, orders: Sequence[int], marks: np.ndarray, breaks: Sequence[float], near: float
-) -> tuple[np.ndarray, tuple[int, ...]]:
-    """The same steps, the nearest of which end at the marks: lengths and orders of a history go on evenly.
-
-    The start and the breaks stay where they are: a mark that is nearest to one of them has a step of its own.
-    """
-    held = {0, *np.flatnonzero(np.isin(steps, breaks)).tolist()}
-    ends, own = {i: float(steps[i]) for i in held}, []
-    for mark in marks.tolist():
-        nearest = int(np.abs(steps - mark).argmin())
-        if nearest not in held or abs(mark - steps[nearest]) <= near:
-            ends[nearest] = mark
-        else:
-            own.append(mark)
-    places = sorted(ends)
-    times = np.interp(steps, steps[places], [ends[i] for i in places])
-    times[places] = [ends[i] for i in places]
-    kinds = list(orders)
-    for mark in own:
-        i = int(np.searchsorted(times, mark))
-        times = np.insert(times, i, mark)
-        # the other part of a step that begins a history goes on at its order
-        kinds.insert(i, abs(kinds[i - 1]))
-    return times, tuple(kinds)
-
-
-def _as_method(kind: dict[str, Any]) -> dict[str, Any]:
-    scheme = kind["scheme"]
-    return {"method": scheme} | {
-        "explicit": {"coordinates": "tree"},
-        "radau": {},
-        "bdf": {},
-        "ali3p": {},
-        "generalized-alpha": {"rho": kind["rho"]},
-    }[scheme]
 
 
 def _reader(run: Run) -> Reader:

@@ -274,20 +274,7 @@ def sparse_modes(
         else:
             r = _lowest(M, D, S, n, _sigma(shift), symmetric=G is None and N is None)
     damped = "eigenvalue" in r
-    residual = r["residual"]
-    if damped:
-        s, partner = r["eigenvalue"], r["partner"]
-    else:
-        lam = r["lambda"]
-        root = np.sqrt(np.abs(lam))
-        s = np.where(lam >= 0.0, 1j * root, root)
-        partner = np.where(lam >= 0.0, -1j * root, -root)
-    kind = np.full(len(s), "vibration", dtype="U10")
-    kind[(s.imag == 0.0) & (s.real < 0.0)] = "overdamped"
-    kind[(s.imag == 0.0) & (s.real > 0.0)] = "divergence"
-    stable = -1e-12 * np.abs(s) if damped else 0.0
-    kind[(s.imag != 0.0) & (s.real > -stable)] = "flutter"
-    kind[s == 0.0] = "rigid"
+    s, partner = (r["eigenvalue"], r["partner"]) if damped else _roots_of_squares(r["lambda"])
     shape = r["shape"]
     route = f"{r['route']} ({r['verified']})" if "verified" in r else r["route"]
     # of lambda = -s^2, so half of it for s; of a rigid mode the blur around zero, as a frequency
@@ -299,9 +286,9 @@ def sparse_modes(
         roots=np.stack([s, partner], axis=1).ravel(),
         shape=shape,
         left=None,
-        kind=kind,
+        kind=_kinds(s, damped),
         groups=groups,
-        backward_error=residual,
+        backward_error=r["residual"],
         condition=np.full(len(s), np.nan),
         near_defective=np.zeros(len(s), dtype=bool),
         coordinates=tuple(system.coordinates),
@@ -314,6 +301,23 @@ def sparse_modes(
         status="unresolved" if unresolved else "converged",
         cut_group=() if damped or shift is not None else _cut_group(M, K, r["lambda"], groups),
     )
+
+
+def _roots_of_squares(lam: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Both roots of s^2 = -lam: a pair of imaginary ones, or of real ones of which the first grows."""
+    root = np.sqrt(np.abs(lam))
+    return np.where(lam >= 0.0, 1j * root, root), np.where(lam >= 0.0, -1j * root, -root)
+
+
+def _kinds(s: np.ndarray, damped: bool) -> np.ndarray:
+    """The kind of each motion exp(s t); with damping a growth below rounding does not count."""
+    kind = np.full(len(s), "vibration", dtype="U10")
+    kind[(s.imag == 0.0) & (s.real < 0.0)] = "overdamped"
+    kind[(s.imag == 0.0) & (s.real > 0.0)] = "divergence"
+    stable = -1e-12 * np.abs(s) if damped else 0.0
+    kind[(s.imag != 0.0) & (s.real > -stable)] = "flutter"
+    kind[s == 0.0] = "rigid"
+    return kind
 
 
 def _cut_group(M: Any, K: Any, lam: np.ndarray, groups: tuple[tuple[int, ...], ...]) -> tuple[int, ...]:

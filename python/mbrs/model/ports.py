@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import ModelError
-from .expressions import Expression, number_text
+from .expression_text import number_text
+from .expressions import Expression
 from .names import GROUND, not_found, shown
 from .numbers import Number, numbers, vector
 from .rotations import unit

@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 
 from ..errors import ModelError
-from .expressions import Expression, ExpressionArray, Program, Symbol, expression_texts
+from .expression_text import expression_texts
+from .expressions import Expression, ExpressionArray, Program, Symbol
 from .grammar import parse
 from .names import problem, shown
 from .parameters import ParameterSpace

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from .._lib.checks import user_level
 from ..errors import MbrsError, MbrsWarning
 from ..linear.modal_result import dominant_in
 from ..linear.modes import modes
@@ -49,7 +50,7 @@ def warn_amplified(m: Model, at: Any, steps: ArrayLike) -> None:
         f"over this run, if it is excited: omega h = {abs(s) * h:.3g} lies between 0 and 4.8, where BDF of order 4 is not "
         "stable; take a smaller step, give the mode damping, or use 'generalized-alpha'",
         MbrsWarning,
-        stacklevel=3,
+        stacklevel=user_level(),
     )
 
 

@@ -36,7 +36,10 @@ Run = Callable[..., Trajectory]
 def simulate_matrices(
     system: MechanicalSystem, t: Any, loads: Any, x0: Any, v0: Any, options: dict[str, Any], run: Run, compared: Any
 ) -> ResponseResult:
-    """The motion of all coordinates; ``run`` integrates a model, ``compared`` names the second run of the estimate."""
+    """The motion of all coordinates by the ``options`` that are not None; ``run`` integrates a model, ``compared`` names the second run
+    of the estimate.
+    """
+    options = {name: value for name, value in options.items() if value is not None}
     start = np.concatenate([_start(x0, system.n, "x0"), _start(v0, system.n, "v0")])
     scene = _Scene(system, loads)
     size = _size_of_motion(scene, t, start, run)

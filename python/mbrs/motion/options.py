@@ -10,7 +10,8 @@ import numpy as np
 
 from .._lib.checks import count, shown
 from ..errors import ModelError
-from ..model.tables import directions
+from ..model.directions import directions
+from ..system.effects import LINEAR_ONLY, check_without
 from ..system.snapshot import Snapshot
 from ..system.state import State
 
@@ -31,9 +32,22 @@ _TIGHTEST_WITH_ROWS = 3e-9
 _MOST_PASSES = 1000
 
 
-def tightest_without_tangent(snapshot: Snapshot) -> float:
-    """The tolerance that "bdf-bfgs" can serve."""
-    return _TIGHTEST_WITH_ROWS if snapshot.system.topology()["row_joint"] else _TIGHTEST_WITHOUT_TANGENT
+def effects_without(without: Sequence[str]) -> tuple[str, ...]:
+    """The effects to leave out, checked."""
+    names = check_without(without)
+    for name in names:
+        if name in LINEAR_ONLY:
+            raise ModelError(f"'{name}' is a part of a linearisation; a motion cannot be without it")
+    return names
+
+
+def with_served_tolerance(options: dict[str, Any], snapshot: Snapshot) -> dict[str, Any]:
+    """The options with the tolerance that the method can serve."""
+    if options["method"].partition("/")[0] != "bdf-bfgs" or "rtol" not in options:
+        return options
+    rows = snapshot.system.topology()["row_joint"]
+    least = _TIGHTEST_WITH_ROWS if rows else _TIGHTEST_WITHOUT_TANGENT
+    return {**options, "rtol": max(options["rtol"], least)}
 
 
 def variant(method: str, form: Any, update: Any, coordinates: Any) -> str:
@@ -93,6 +107,15 @@ def with_sensitivities(m: Model, parameters: Any, method: str, coordinates: Any)
         raise ModelError(f"parameters= takes an address or a list of them, got {shown(parameters)}")
     directions(m, parameters)
     return method, "tree" if method == "explicit" else coordinates
+
+
+def refuse_output_times(options: Mapping[str, Any], parameters: Any) -> None:
+    """Times other than those of the steps, in a motion that is differentiated."""
+    if parameters is not None and "outputs" in options:
+        raise ModelError(
+            "sensitivities belong to the steps of a motion: with parameters= give t= as a number, or take mb.gradient with "
+            "mb.AtTimes for given times"
+        )
 
 
 def refuse_options_of_models(given: Mapping[str, Any], without: Sequence[str]) -> None:

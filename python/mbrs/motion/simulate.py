@@ -13,30 +13,33 @@ import numpy as np
 
 from .. import _core
 from .._lib.border import core_errors
+from .._lib.checks import user_level
 from .._lib.progress import Progress
-from ..errors import ConvergenceError, Interrupted, MbrsWarning, ModelError
+from ..errors import ConvergenceError, Interrupted, MbrsWarning
 from ..linear.matrices import MechanicalSystem
 from ..linear.response import ResponseResult
 from ..results import Stats
 from ..system.air_flow import flows, require_covered
-from ..system.effects import LINEAR_ONLY, check_without, effects
+from ..system.effects import effects
 from ..system.snapshot import Snapshot
 from ..system.state import State, state_of
-from .air_march import march, stepped
+from .air_march import Wakes, march, stepped
 from .amplification import warn_amplified
 from .matrix_motion import simulate_matrices
 from .options import (
     ORDER,
     TIGHTENED,
     TIGHTEST,
+    effects_without,
     limits,
     motion_options,
     penalised,
     refuse_options_of_matrices,
     refuse_options_of_models,
-    tightest_without_tangent,
+    refuse_output_times,
     variant,
     with_sensitivities,
+    with_served_tolerance,
 )
 from .trajectory import Trajectory
 
@@ -232,53 +235,30 @@ def simulate(
         refuse_options_of_models(of_models, without)
         given: dict[str, Any] = dict(rtol=rtol, step=step, method=method, rho=rho, form=form, update=update)
         given |= dict(max_step=max_step, first_step=first_step, max_steps=max_steps)
-        chosen = {name: value for name, value in given.items() if value is not None}
-        return simulate_matrices(m, t, loads, x0, v0, chosen, simulate, _compared_with)
+        return simulate_matrices(m, t, loads, x0, v0, given, simulate, _compared_with)
     refuse_options_of_matrices(dict(loads=loads, x0=x0, v0=v0))
     start = time.perf_counter()
-    without = check_without(without)
-    for name in without:
-        if name in LINEAR_ONLY:
-            raise ModelError(f"'{name}' is a part of a linearisation; a motion cannot be without it")
+    without = effects_without(without)
     absolute = coordinates == "absolute"
     snapshot = Snapshot.of(m, without, absolute)
     state = state_of(m, snapshot.system, at, hold=False, without=without)
     if parameters is not None:
         method, coordinates = with_sensitivities(m, parameters, method, coordinates)
     options = motion_options(t, rtol, step, method, state)
-    asked = options.get("rtol", np.inf)
-    if method == "bdf-bfgs" and "rtol" in options:
-        options["rtol"] = max(asked, tightest_without_tangent(snapshot))
-    if parameters is not None and "outputs" in options:
-        raise ModelError(
-            "sensitivities belong to the steps of a motion: with parameters= give t= as a number, or take mb.gradient with "
-            "mb.AtTimes for given times"
-        )
     options |= limits(rho, max_step, first_step, max_steps)
     options |= penalised(method, penalty, passes, parameters)
     options["method"] = variant(method, form, update, None if absolute else coordinates)
-
-    air = stepped(m, without, absolute)
-    if air is None:
-        made = _run(snapshot, state, without, options)
-        wake = None
-    else:
-        made, snapshot, wake = march(
-            air, snapshot, state, without, options, lambda s, x, o: _run(s, x, without, o, True)
-        )
-    traj = _trajectory(m, snapshot, made, without, time.perf_counter() - start, state, options, wake)
+    refuse_output_times(options, parameters)
+    served = with_served_tolerance(options, snapshot)
+    made, snapshot, wake = _integrated(m, snapshot, state, without, served, absolute)
+    traj = _trajectory(m, snapshot, made, without, time.perf_counter() - start, state, served, wake)
     if parameters is not None:
         traj = traj.replaced(parameters=parameters, start=state, rho=rho)
     if m.airs and "aerodynamics" not in without:
         require_covered(m, traj.t, flows(snapshot.system, traj.t, traj.q, traj.rate, traj.memory))
     if traj.status == "interrupted":
         raise Interrupted(f"the motion of {m.name!r} was interrupted at t = {made['end']:.6g} s", traj)
-    _report_start(m, made)
-    if method in ("bdf", "bdf-bfgs") and step is not None:  # steps that follow a tolerance see what grows
-        warn_amplified(m, at, traj.steps)
-    if options.get("rtol", np.inf) > asked:
-        _report_tolerance(asked, options["rtol"])
-    _warn_bent(traj)
+    _warn(m, at, made, traj, options, served)
     if traj.status == "stopped":
         raise ConvergenceError(
             f"the motion of {m.name!r} stopped at t = {made['end']:.9g} s: {made['message']}; the trajectory until then is "
@@ -288,16 +268,38 @@ def simulate(
     return traj
 
 
-def _report_tolerance(asked: float, reached: float) -> None:
-    warnings.warn(
-        f"rtol={asked:g} was not reached: the equations of a step are solved without a tangent, which allows {reached:g}; .error "
-        "estimates the error of the motion",
-        MbrsWarning,
-        stacklevel=3,
-    )
+def _integrated(
+    m: Model, snapshot: Snapshot, state: State, without: tuple[str, ...], options: dict[str, Any], absolute: bool
+) -> tuple[dict[str, Any], Snapshot, Wakes | None]:
+    """The numbers of the core, the snapshot that they belong to, and the wake where the air has one."""
+    air = stepped(m, without, absolute)
+    if air is None:
+        return _run(snapshot, state, without, options), snapshot, None
+    return march(air, snapshot, state, without, options, lambda s, x, o: _run(s, x, without, o, True))
 
 
-def _warn_bent(traj: Trajectory) -> None:
+def _warn(
+    m: Model, at: StateLike, made: dict[str, Any], traj: Trajectory, asked: dict[str, Any], served: dict[str, Any]
+) -> None:
+    _warn_of_start(m, made)
+    if asked["method"].partition("/")[0] in ("bdf", "bdf-bfgs") and "step" in asked:
+        # steps that follow a tolerance see what grows
+        warn_amplified(m, at, traj.steps)
+    _warn_of_tolerance(asked, served)
+    _warn_of_bending(traj)
+
+
+def _warn_of_tolerance(asked: dict[str, Any], served: dict[str, Any]) -> None:
+    if served.get("rtol") != asked.get("rtol"):
+        warnings.warn(
+            f"rtol={asked['rtol']:g} was not reached: the equations of a step are solved without a tangent, which allows "
+            f"{served['rtol']:g}; .error estimates the error of the motion",
+            MbrsWarning,
+            stacklevel=user_level(),
+        )
+
+
+def _warn_of_bending(traj: Trajectory) -> None:
     for name in traj.flexible:
         handle: Any = traj.model.bodies[traj.bodies.index(name)]
         body = handle.modal
@@ -311,7 +313,7 @@ def _warn_bent(traj: Trajectory) -> None:
                 f"{name!r} deflects by {part:.2g} of its length; flexible bodies deform linearly in their frame, which is "
                 "for small deflections: stiffen it, or divide it into several bodies",
                 MbrsWarning,
-                stacklevel=3,
+                stacklevel=user_level(),
             )
 
 
@@ -335,7 +337,7 @@ def _trajectory(
     wall: float,
     state: State,
     options: dict[str, Any],
-    wake: Any = None,
+    wake: Wakes | None,
 ) -> Trajectory:
     acting = tuple(e.name for e in effects(m) if e.on and e.name not in without)
     return Trajectory(
@@ -385,7 +387,7 @@ def _solved_by(made: dict[str, Any], options: dict[str, Any]) -> str:
     )
 
 
-def _report_start(m: Model, made: dict[str, Any]) -> None:
+def _warn_of_start(m: Model, made: dict[str, Any]) -> None:
     for what, plural, unit in (("position", "positions", ""), ("velocity", "velocities", " per second")):
         size = made[f"{what}_correction"]
         if size > _CHANGED:
@@ -393,7 +395,7 @@ def _report_start(m: Model, made: dict[str, Any]) -> None:
                 f"the initial {plural} of {m.name!r} contradict its joints; joint coordinates were changed by up to {size:.3g} "
                 f"radians or characteristic lengths{unit} to agree",
                 MbrsWarning,
-                stacklevel=3,
+                stacklevel=user_level(),
             )
 
 

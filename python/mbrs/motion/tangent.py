@@ -16,7 +16,7 @@ from .._lib.border import core_errors
 from .._lib.vetter import Derivative
 from ..errors import KinkWarning, MbrsWarning, ModelError, NotDifferentiableError
 from ..model.aerodynamics import STEPPED
-from ..model.tables import Directions, directions
+from ..model.directions import Directions, directions
 from ..system.effects import with_rate_laws
 from ..system.snapshot import Snapshot
 from ..system.state import State, state_of

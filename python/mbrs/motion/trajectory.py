@@ -363,14 +363,14 @@ class Trajectory(AirMotion, Result):
     @property
     def parameter_labels(self) -> list[str]:
         """Names of the columns of `sensitivity`, one for each number of a parameter."""
-        from ..model.tables import directions
+        from ..model.directions import directions
 
         return list(directions(self.snapshot.model, self.parameters).labels)
 
     @property
     def parameter_units(self) -> list[str]:
-        """Their units, "" where unknown (see `mbrs.model.tables.directions`)."""
-        from ..model.tables import directions
+        """Their units, "" where unknown (see `mbrs.model.directions.directions`)."""
+        from ..model.directions import directions
 
         return list(directions(self.snapshot.model, self.parameters).units)
 

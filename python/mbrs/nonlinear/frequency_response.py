@@ -20,6 +20,8 @@ from .response_curve import FrequencyResponse, Part, known_stability
 from .system import as_system
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from ..linear.matrices import MechanicalSystem
     from ..model.model import Model
 
@@ -123,33 +125,9 @@ def _points(system: Any, options: BranchOptions) -> FrequencyResponse:
         raise ModelError("a set of frequencies takes one level; give one frequency for a range of levels")
     scaled = balance.scaled_force(force, balance.checked_level(level))
     of_each = {name: given[name] for name in ("n_samples", "subharmonic", "condense", "tol", "harmonics")}
-    fourier, subharmonic = Fourier(**of_each), given["subharmonic"]
-    found: list[tuple[Part, float, Any, int]] = []
-    status, guess = "converged", given["x0"]
-    try:
-        for one_omega in map(float, w):
-            try:
-                one = harmonic_balance(system, force=scaled, omega=one_omega, x0=guess, **of_each)
-            except ConvergenceError as problem:
-                if not found:
-                    raise
-                status = f"stopped: {problem}"
-                break
-            setup = balance.prepare(
-                system, scaled, fourier.but(harmonics=one.harmonics, n_samples=one.n_samples), one_omega
-            )
-            y = setup.start(one)
-            # the forces of this set are scaled already
-            part = Part(setup, np.array([one_omega]), np.ones(1), y[None, :])
-            s = setup.exponents(y, one_omega) if stability else None
-            found.append((part, one.error, s, one.stats.counts["evaluations"]))
-            status, guess = one.status if status == "converged" else status, one
-    except KeyboardInterrupt:
-        if not found:
-            raise Interrupted("a set of frequencies was interrupted before its first solution") from None
-        status = "interrupted"
+    found, status = _solved_one_by_one(system, scaled, list(map(float, w)), given["x0"], of_each, stability)
     parts, errors, exponents, evaluations = zip(*found, strict=True)
-    n, borders = len(found), 1e-9 * w[: len(found)] / subharmonic
+    n, borders = len(found), 1e-9 * w[: len(found)] / given["subharmonic"]
     stable = [np.nan if s is None else float(np.all(s.real <= b)) for s, b in zip(exponents, borders, strict=True)]
     made = FrequencyResponse(
         np.asarray(w[:n]),
@@ -173,3 +151,34 @@ def _points(system: Any, options: BranchOptions) -> FrequencyResponse:
     if status == "interrupted":
         raise Interrupted(f"a set of {len(w)} frequencies was interrupted after {n} of them", made)
     return made
+
+
+def _solved_one_by_one(
+    system: Any, force: Any, frequencies: Sequence[float], x0: Any, options: dict[str, Any], stability: bool
+) -> tuple[list[tuple[Part, float, Any, int]], str]:
+    """(point, error, exponents or None, evaluations) of each frequency up to the first without a solution, and the status."""
+    fourier = Fourier(**options)
+    found: list[tuple[Part, float, Any, int]] = []
+    status, guess = "converged", x0
+    try:
+        for omega in frequencies:
+            try:
+                one = harmonic_balance(system, force=force, omega=omega, x0=guess, **options)
+            except ConvergenceError as problem:
+                if not found:
+                    raise
+                status = f"stopped: {problem}"
+                break
+            chosen = fourier.but(harmonics=one.harmonics, n_samples=one.n_samples)
+            setup = balance.prepare(system, force, chosen, omega)
+            y = setup.start(one)
+            # the forces of this set are scaled already
+            part = Part(setup, np.array([omega]), np.ones(1), y[None, :])
+            s = setup.exponents(y, omega) if stability else None
+            found.append((part, one.error, s, one.stats.counts["evaluations"]))
+            status, guess = one.status if status == "converged" else status, one
+    except KeyboardInterrupt:
+        if not found:
+            raise Interrupted("a set of frequencies was interrupted before its first solution") from None
+        status = "interrupted"
+    return found, status

@@ -134,40 +134,19 @@ def limit_cycle(
     balance.checked_system(system)
     checks.choice("method", method, ("auto", "harmonic-balance", "collocation"))
     fourier, newton = Fourier(harmonics, n_samples, 1, condense, tol), Newton(tolerance, max_iterations)
-    automatic, limit = fourier.automatic, fourier.limit(UNRESOLVED / 10)
+    limit = fourier.limit(UNRESOLVED / 10)
     static = _static_force(system, force)
-    if condensation.conservative(system):
-        raise ConvergenceError(
-            "no limit cycle was found: nothing in this system takes or gives energy, so that its periodic motions come in "
-            "families; give it damping, a follower (unsymmetric) stiffness or a law of the velocity",
-            None,
-        )
-    tops = _enrichment(fourier)
-    guess = (x0, omega) if x0 is not None else None
-    if guess is not None or omega is not None:
-        omega = float(balance.one_frequency(checks.positive("omega (needed beside x0)", omega), None))
-        guess = guess and (balance.checked_guess(system.n, x0), omega)
-    starts = [guess] if guess is not None else list(cycle_start.candidates(system, static, omega))
+    _refuse_conservative(system)
+    guessed = x0 is not None
+    starts = _starts(system, static, x0, omega)
     if method == "collocation":
-        return _collocated(system, static, starts, None if automatic else harmonics, limit, started)
-    last: LimitCycle | None = None
-    for start in [*starts, None]:
-        if start is None:
-            if guess is not None:
-                break
-            found = cycle_start.by_integration(system, static)
-            if found is None:
-                break
-            start = found.X, found.omega
-            tops = tops[-1:] if not automatic else tops[-4:]
-        last = (
-            _refine(system, static, start, [fourier.but(harmonics=top) for top in tops], limit, newton, started) or last
-        )
-        if last is not None and last.status == "converged":
-            return last
-    if automatic and method == "auto" and not any(law.has_memory for law in system.elements):
+        return _collocated(system, static, starts, None if fourier.automatic else harmonics, limit, started)
+    last = _balanced(system, static, starts, not guessed, fourier, limit, newton, started)
+    if last is not None and last.status == "converged":
+        return last
+    if fourier.automatic and method == "auto" and not any(law.has_memory for law in system.elements):
         try:
-            return _better(last, _collocated(system, static, starts if guess is not None else [], None, limit, started))
+            return _better(last, _collocated(system, static, starts if guessed else [], None, limit, started))
         except ConvergenceError:
             if last is not None:
                 return last
@@ -176,16 +155,61 @@ def limit_cycle(
     return last
 
 
+def _refuse_conservative(system: Any) -> None:
+    if condensation.conservative(system):
+        raise ConvergenceError(
+            "no limit cycle was found: nothing in this system takes or gives energy, so that its periodic motions come in "
+            "families; give it damping, a follower (unsymmetric) stiffness or a law of the velocity",
+            None,
+        )
+
+
+def _starts(system: Any, force: Any, x0: Any, omega: Any) -> list[Any]:
+    """Coefficients and frequencies to begin at: the user's, or those near the unstable modes of the equilibrium."""
+    if x0 is not None or omega is not None:
+        omega = float(balance.one_frequency(checks.positive("omega (needed beside x0)", omega), None))
+    if x0 is not None:
+        return [(balance.checked_guess(system.n, x0), omega)]
+    return list(cycle_start.candidates(system, force, omega))
+
+
+def _balanced(
+    system: Any,
+    force: Any,
+    starts: list[Any],
+    integrate: bool,
+    fourier: Fourier,
+    limit: float,
+    newton: Newton,
+    started: float,
+) -> LimitCycle | None:
+    """The first resolved cycle by harmonic balance, else the last one that was found, or None.
+
+    ``integrate``: where no start leads to a resolved cycle, a motion in time is one more start, near enough for large sets of harmonics.
+    """
+    sets = _enrichment(fourier)
+    last: LimitCycle | None = None
+    for start in starts:
+        last = _refine(system, force, start, sets, limit, newton, started) or last
+        if last is not None and last.status == "converged":
+            return last
+    found = cycle_start.by_integration(system, force) if integrate else None
+    if found is not None:
+        largest = sets[-4:] if fourier.automatic else sets[-1:]
+        last = _refine(system, force, (found.X, found.omega), largest, limit, newton, started) or last
+    return last
+
+
 def _better(last: LimitCycle | None, other: LimitCycle) -> LimitCycle:
     return other if last is None or other.error < last.error else last
 
 
-def _enrichment(fourier: Fourier) -> list[Any]:
+def _enrichment(fourier: Fourier) -> list[Fourier]:
     """Sets of harmonics of growing size, so that each start is near."""
     sizes = (1, 3, 5, 9, 15, 23, 35, 53, 79, 119, 179)
     if fourier.automatic:
-        return [*sizes, MOST_HARMONICS]
-    return [*(h for h in sizes if h < fourier.terms[-1]), fourier.harmonics]
+        return [fourier.but(harmonics=top) for top in (*sizes, MOST_HARMONICS)]
+    return [fourier.but(harmonics=top) for top in (*(h for h in sizes if h < fourier.terms[-1]), fourier.harmonics)]
 
 
 def _static_force(system: Any, force: Any) -> dict[int, np.ndarray]:

@@ -20,7 +20,9 @@ from .branch_points import MEANING, STATUS
 from .displacement import label
 from .options import Continuation
 from .periodic import effects_of
-from .quasi_periodic import MOST_AUTOMATIC, QuasiPeriodicSolution, Torus, sources_of, torus_terms
+from .quasi_periodic import MOST_AUTOMATIC, sources_of, torus_terms
+from .quasi_periodic_solution import QuasiPeriodicSolution
+from .torus import Torus
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

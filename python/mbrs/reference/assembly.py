@@ -165,6 +165,11 @@ def assemble(sys: System, state: State, tolerance: float = 1e-13) -> State:
     return close_loops(sys, State(r, R, state.v, state.w), tolerance)
 
 
+def drawn_and_assembled(sys: System) -> State:
+    """The drawn state with its guessed poses, its joints together."""
+    return assemble(sys, first_guess(sys))
+
+
 def _free_turn(t: TreeJoint, R: Array) -> Array:
     """The rotation next to R that the joint allows."""
     z, x = np.eye(3)[2], np.eye(3)[0]
@@ -221,7 +226,7 @@ class Mobility:
 
 def mobility(sys: System) -> Mobility:
     """The mobility of the assembled drawn state; rows are counted in the order of docs/tables.md."""
-    part = partition(sys, assemble(sys, first_guess(sys)))
+    part = partition(sys, drawn_and_assembled(sys))
     kept = set(part.rows.tolist())
     redundant = [name for i, name in enumerate(cut_row_names(sys)) if i not in kept]
     return Mobility(len(part.independent), len(part.dependent), redundant, part)

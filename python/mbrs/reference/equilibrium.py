@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from ..errors import ConvergenceError, ModelError
 from . import dynamics as dyn
-from .assembly import Partition, assemble, close_loops, cut_jacobian, null_space, partition, twist_map
-from .kinematics import State, System, advance, first_guess, motion, moving, split, tree_twists
+from .assembly import Partition, assemble, close_loops, cut_jacobian, drawn_and_assembled, null_space
+from .kinematics import State, System, advance, motion, moving, tree_twists
 from .linearize import Linearization, linearize, nominal_motion
+from .motion import with_rates
 from .so3 import Array
 
 
@@ -24,7 +25,7 @@ def equilibrium(
     generalised force that is left.
     """
     sys = sys.leaving_out(without)
-    start = assemble(sys, first_guess(sys) if state0 is None else state0)
+    start = drawn_and_assembled(sys) if state0 is None else assemble(sys, state0)
     lin, left = _Balance(sys, np.zeros(sys.ny), np.ones(sys.ny, dtype=bool), without).near(start.at_rest, tolerance)
     return lin.state, lin.lam, left
 
@@ -40,16 +41,8 @@ def steady_motion(
         raise ModelError("mbrs.reference finds steady motions of open trees only")
     rate = np.array([float(speed.get(name, 0.0)) for name in sys.coordinates])
     free = np.array([name not in speed for name in sys.coordinates], dtype=bool)
-    lin, _ = _Balance(sys, rate, free, without).near(assemble(sys, first_guess(sys)).at_rest, tolerance)
+    lin, _ = _Balance(sys, rate, free, without).near(drawn_and_assembled(sys).at_rest, tolerance)
     return lin, lin.residual[~free]
-
-
-def turning(sys: System, state: State, rate: Array) -> State:
-    """The state with the velocities that rates of the tree coordinates make."""
-    if not np.any(rate):
-        return state.at_rest
-    v, w = split(twist_map(sys, motion(state), partition(sys, state)).value @ rate)
-    return replace(state, v=v, w=w)
 
 
 @dataclass
@@ -84,7 +77,7 @@ class _Balance:
         )
 
     def _linearized(self, state: State) -> Linearization:
-        return linearize(self.sys, turning(self.sys, state, self.rate), without=self.without)
+        return linearize(self.sys, with_rates(self.sys, state, self.rate), without=self.without)
 
     def _columns(self, part: Partition) -> Array:
         """Lengths of the coordinates, zero where they are driven."""
@@ -124,5 +117,5 @@ class _Balance:
         return close_loops(sys, advance(sys, state, y), fixed=part.independent)
 
     def _unbalanced(self, state: State, part: Partition) -> float:
-        base = nominal_motion(self.sys, turning(self.sys, state, self.rate), part)
+        base = nominal_motion(self.sys, with_rates(self.sys, state, self.rate), part)
         return self._size(part, base.T.T @ dyn.applied_residual(self.sys, base.state, base.a, self.without))

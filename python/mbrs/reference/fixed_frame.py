@@ -19,9 +19,10 @@ import numpy as np
 
 from . import dynamics as dyn
 from .assembly import assemble, partition, twist_map
-from .equilibrium import turning
 from .kinematics import State, System, advance, drawn_state, motion, moving
+from .linear import first_order
 from .linearize import linearize
+from .motion import with_rates
 from .so3 import Array
 
 
@@ -49,7 +50,7 @@ class Rotor:
         names = sys.coordinates
         self.driven = names.index(joint)
         rate = np.eye(sys.ny)[self.driven] * speed
-        self.state = turning(sys, assemble(sys, drawn_state(sys)).at_rest, rate)
+        self.state = with_rates(sys, assemble(sys, drawn_state(sys)), rate)
         bare = copy(sys)
         bare.loads = []
         lin = linearize(bare, self.state, without=("gravity",))
@@ -91,9 +92,7 @@ class Rotor:
         M, D, S = self.matrices(0.0)
         others = [self.matrices(t / self.speed) for t in (0.7, 1.9, 4.4)]
         varies = max(np.abs(a - b).max() / np.abs(a).max() for o in others for a, b in zip((M, D, S), o, strict=True))
-        n = len(M)
-        A = np.block([[np.zeros((n, n)), np.eye(n)], [-np.linalg.solve(M, S), -np.linalg.solve(M, D)]])
-        s, phi = np.linalg.eig(A)
+        s, phi = np.linalg.eig(first_order(M, D, S))
         order = np.argsort(np.abs(s), kind="stable")
         return FixedFrame(M, D, S, s[order], phi[:, order], float(varies))
 

@@ -14,9 +14,7 @@ import numpy as np
 
 from ..errors import ConvergenceError, ModelError
 from . import laws
-from .so3 import Array
-
-STEP = 1e-30  # complex step: no difference is taken
+from .so3 import STEP, Array
 
 
 def dense(system: Any) -> tuple[Array, Array, Array]:

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.polynomial import polynomial
 
 from ..errors import ModelError
 from .joints import angle_places
@@ -85,11 +86,7 @@ def force(code: int, p: Array, u: Any, v: Any, z: Any = (), phase: Any = 0.0) ->
 
 
 def _polynomial(c: Array, x: Any) -> tuple[Any, Any]:
-    f: Any = 0.0
-    slope: Any = 0.0
-    for a in c[::-1]:
-        f, slope = f * x + a, slope * x + f
-    return f, slope
+    return polynomial.polyval(x, c), polynomial.polyval(x, polynomial.polyder(c))
 
 
 def _gap(u: Any, k: Any, gap: Any, smoothing: Any) -> tuple[Any, Any]:

@@ -9,6 +9,12 @@ from .so3 import Array
 RANK_TOLERANCE = 1e-9
 
 
+def first_order(M: Array, D: Array, S: Array) -> Array:
+    """A (2n, 2n) of z' = A z, z = (y, y'), for M y" + D y' + S y = 0."""
+    n = len(M)
+    return np.block([[np.zeros((n, n)), np.eye(n)], [-np.linalg.solve(M, S), -np.linalg.solve(M, D)]])
+
+
 def pivots(A: Array, tolerance: float = RANK_TOLERANCE) -> Array:
     """Columns that a column-pivoted QR factorisation of the real part takes before the diagonal falls below
     tolerance |R_00|.

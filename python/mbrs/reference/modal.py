@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import SingularError
+from .linear import first_order
 from .so3 import Array
 
 
@@ -91,8 +92,7 @@ def _general(D: Array, S: Array, rigid: float) -> tuple[Array, Array, Array, Arr
 
     n = len(S)
     scale = max(np.sqrt(np.linalg.norm(S, 2)), np.linalg.norm(D, 2), 1e-300) if n else 1.0
-    A = np.block([[np.zeros((n, n)), np.eye(n)], [-S / scale**2, -D / scale]])
-    roots, w, v = scipy.linalg.eig(A, left=True, right=True)
+    roots, w, v = scipy.linalg.eig(first_order(np.eye(n), D / scale, S / scale**2), left=True, right=True)
     right, left = _upper_half(roots, v, n), w[n:].conj()
     null, conull, double, single = _zero_roots(D, S, rigid)
     order = np.argsort(np.abs(roots), kind="stable")

@@ -39,10 +39,10 @@ def tree_map(sys: System, state: State, moving: bool = False) -> tuple[Jet, Jet]
     return stack([half.T for body in twists[:-1] for half in body]), cut_jacobian(sys, bodies, twists)
 
 
-def with_rates(sys: System, m: Motion) -> State:
-    """The state with the velocities that the tree's rates make."""
-    v, w = split(tree_map(sys, m.state)[0].value @ m.rate)
-    return replace(m.state, v=v, w=w)
+def with_rates(sys: System, state: State, rate: Array) -> State:
+    """The state with the velocities that rates (ny,) of the tree coordinates make."""
+    v, w = split(tree_map(sys, state)[0].value @ rate)
+    return replace(state, v=v, w=w)
 
 
 def velocity_rows(sys: System) -> Array:
@@ -77,7 +77,7 @@ def remember(sys: System, m: Motion) -> Array:
     """Memories of the laws after the motion came here."""
     if sys.n_memory == 0:
         return m.memory
-    state, out = with_rates(sys, m), m.memory.copy()
+    state, out = with_rates(sys, m.state, m.rate), m.memory.copy()
     for law, u, v, _ in law_motions(sys, state, m.memory):
         out[law.memory : law.memory + law.n_memory] = law(u, v, m.memory)[3]
     bodies = motion(state)
@@ -115,7 +115,7 @@ def positions(sys: System, m: Motion) -> Array:
 
 def energy(sys: System, m: Motion) -> float:
     """Kinetic energy, that of weight, and that of linear springs."""
-    state = with_rates(sys, m)
+    state = with_rates(sys, m.state, m.rate)
     v, bodies = twists_of(state), motion(state)
     momentum = dyn.inertia(sys, moving(state.at_rest, v)).value[0]
     total = 0.5 * v @ momentum

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from .linear import first_order
 from .so3 import Array
 
 
@@ -21,7 +22,7 @@ def response(M: Any, D: Any, S: Any, F: Any, t: Any, f: Any, y0: Any = None, v0:
     t, f = np.asarray(t, dtype=float), np.asarray(f)
     n, m = F.shape
     f = f.reshape(len(t), m)
-    A = np.block([[np.zeros((n, n)), np.eye(n)], [-np.linalg.solve(M, S), -np.linalg.solve(M, D)]])
+    A = first_order(M, D, S)
     B = np.concatenate([np.zeros((n, m)), np.linalg.solve(M, F)])
     augmented = np.block([[A, B, 0 * B], [np.zeros((m, 2 * n + m)), np.eye(m)], [np.zeros((m, 2 * n + 2 * m))]])
     z = np.zeros((len(t), 2 * n), dtype=np.result_type(augmented, f, float))

@@ -12,13 +12,11 @@ import numpy as np
 
 from ..errors import NotDifferentiableError
 from . import so3
-from .assembly import assemble
-from .kinematics import State, System, first_guess
+from .assembly import drawn_and_assembled
+from .kinematics import State, System
 from .linearize import Linearization, Matrices, linearize
 from .modal import Modes, _largest
-from .so3 import Array
-
-STEP = 1e-30
+from .so3 import STEP, Array
 
 
 @dataclass
@@ -27,10 +25,6 @@ class Derivative(Matrices):
 
     position: Array
     rotation: Array
-
-
-def drawn_and_assembled(sys: System) -> State:
-    return assemble(sys, first_guess(sys))
 
 
 def derivative(

@@ -107,7 +107,7 @@ def align(sys: System, m: Motion) -> Motion:
 
 def acceleration(sys: System, m: Motion) -> tuple[Array, Array]:
     """v' and lam of [M J^T; J 0] [v'; lam] = [-h; -J' v - Phi_tt] (docs/theory.md (3.9))."""
-    state = with_rates(sys, m)
+    state = with_rates(sys, m.state, m.rate)
     T, Jt = tree_map(sys, state, moving=True)
     now, J = moving(state, T.derivative(1) @ m.rate, rate=T.value.T), Jt.value.T
     pushed = dyn.inertia(sys, now)

@@ -11,6 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[Any]
+# Complex step: no difference is taken, so that the smaller it is, the better.
+STEP = 1e-30
 
 # |B_2k| / (2k)! = 2 zeta(2k) / (2 pi)^2k, the series of 1/t^2 - (1 + cos t) / (2 t sin t) in powers of t^2
 _COTANGENT_SERIES = [

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+from numpy.polynomial import polynomial
 
 from .so3 import Array
 
@@ -34,14 +35,7 @@ def _built_in(code: int, p: Array) -> TimeFunction:
             ]
         )
     if code == POLYNOMIAL:
-        powers = np.arange(len(p))
-        return lambda t: np.array(
-            [
-                sum(c * t**k for k, c in zip(powers, p, strict=True)),
-                sum(k * c * t ** (k - 1) for k, c in zip(powers, p, strict=True) if k > 0),
-                sum(k * (k - 1) * c * t ** (k - 2) for k, c in zip(powers, p, strict=True) if k > 1),
-            ]
-        )
+        return lambda t: np.array([polynomial.polyval(t, polynomial.polyder(p, order)) for order in range(3)])
     n = len(p) // 2
     return _table(p[:n], p[n:], second_derivatives(p[:n], p[n:]) if code == TABLE else np.zeros(n))
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
@@ -11,16 +11,15 @@ from numpy.typing import ArrayLike, NDArray
 from .. import _core
 from .._lib.border import core_errors
 from ..errors import ModelError
+from .root_options import PATIENCE, Estimate, Limits, LineSearch, without_additions
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
     from scipy.optimize import OptimizeResult
 
     from .._lib.aliases import Sparse
 
 _F1 = NDArray[np.float64]
 
-_METHODS = ("inverse-bfgs", "broyden")
 _MESSAGES = {
     "converged": "the norm of the scaled residual is at most tol",
     "max-iterations": "the iteration limit was reached; raise maxiter or start nearer",
@@ -32,12 +31,6 @@ _MESSAGES = {
     "not-finite": "the estimate of the inverse Jacobian overflowed; give scales or another jac0",
 }
 _CODES = {name: i for i, name in enumerate(_MESSAGES)}
-# Iterations within which the norm must halve: fewer leave iterations that would still have converged, more spend evaluations on
-# those that would not; docs/root.md measures both.
-_PATIENCE = 20
-# Above this H itself would take more than 32 MB and most of the time.
-_ENDLESS = 2**62  # counts beyond it are never reached
-_LARGEST_DENSE = 2000
 
 
 class _Function:
@@ -89,7 +82,7 @@ def root(
     fd_step: float = 1e-7,
     fallback: bool = True,
     restarts: int = 1,
-    patience: int = _PATIENCE,
+    patience: int = PATIENCE,
     rho: float = 0.9,
     sigma1: float = 1e-3,
     sigma2: float = 1e-3,
@@ -191,69 +184,25 @@ def root(
     >>> sol.success, bool(sol.norm < 1e-10)
     (True, True)
     """
-    if method not in _METHODS:
-        raise ModelError(f"method {method!r} is not known; choose from {', '.join(_METHODS)}")
+    search = LineSearch(rho, sigma1, sigma2, beta, max_backtracks, invariant)
+    limits = Limits(tol, maxiter, maxfev, patience, restarts, fallback)
+    jac0 = ("identity" if plain else "fd") if jac0 is None else jac0
+    estimate = Estimate(method, jac0, fd_step, memory, sparsity, curvature, determinant)
     if plain:
-        _check_plain(
-            restarts=(restarts, 1), patience=(patience, _PATIENCE), memory=(memory, "auto"), sparsity=(sparsity, None)
-        )
-        fallback, restarts, patience, invariant, curvature, memory = False, 0, _ENDLESS, False, 0.0, None
-    if jac0 is None:
-        jac0 = "identity" if plain else "fd"
+        search, limits, estimate = without_additions(search, limits, estimate)
     x = _start(x0)
     n = len(x)
     function = _Function(fun, args, _scale("x_scale", x_scale, n), np.ones(n))
     _check_start(function, x)
-    _check_numbers(
-        positive={"tol": tol, "fd_step": fd_step, "sigma1": sigma1, "sigma2": sigma2},
-        counts={"maxiter": maxiter, "restarts": restarts, "patience": patience, "max_backtracks": max_backtracks},
-        fractions={"rho": rho, "beta": beta},
-        curvature=curvature,
-    )
     if isinstance(f_scale, str):
         function.f_scale = _row_sizes(f_scale, function, x, fd_step)
     else:
         function.f_scale = _scale("f_scale", f_scale, n)
-    kept = _memory(memory, n)
-    h = _first_inverse(inverse0, jac0, function, kept, method, n)
-    found = _run(
-        function,
-        _observer(callback, function),
-        x / function.x_scale,
-        {
-            "broyden": method == "broyden",
-            "tolerance": float(tol),
-            "max_iterations": _count("maxiter", maxiter),
-            "max_evaluations": _ENDLESS if maxfev is None else _count("maxfev", maxfev),
-            "patience": _count("patience", patience),
-            "restarts": _count("restarts", restarts),
-            "fallback": bool(fallback),
-            "rho": rho,
-            "sigma1": sigma1,
-            "sigma2": sigma2,
-            "beta": beta,
-            "max_backtracks": _count("max_backtracks", max_backtracks),
-            "invariant": bool(invariant),
-            "curvature": curvature,
-            "determinant": _interval(determinant),
-            "differences": None if isinstance(jac0, str) and jac0 == "identity" else float(fd_step),
-            "pattern": _pattern(sparsity, n),
-            "memory": kept,
-        },
-        h,
-    )
-    return _result(found, function, method)
-
-
-def _check_plain(**given: tuple[Any, Any]) -> None:
-    for name, (value, usual) in given.items():
-        if value is not usual and value != usual:
-            raise ModelError(f"plain=True is the algorithm without {name}=; leave out one of them")
-
-
-def _run(*arguments: Any) -> dict[str, Any]:
+    inverse = _first_inverse(inverse0, estimate, function)
+    options = {**search.core, **limits.core, **estimate.core(n)}
     with core_errors():
-        return cast(dict[str, Any], _core.root_solve(*arguments))
+        found = _core.root_solve(function, _observer(callback, function), x / function.x_scale, options, inverse)
+    return _result(found, function, method)
 
 
 def _start(x0: ArrayLike) -> _F1:
@@ -287,42 +236,6 @@ def _check_start(function: _Function, x: _F1) -> None:
     function.first = value
 
 
-def _check_numbers(positive: dict[str, Any], counts: dict[str, Any], fractions: dict[str, Any], curvature: Any) -> None:
-    for name, value in positive.items():
-        if not 0 < _real(name, value) < np.inf:
-            raise ModelError(f"{name} is {value!r}; give a positive number")
-    for name, value in fractions.items():
-        if not 0 < _real(name, value) < 1:
-            raise ModelError(f"{name} is {value!r}; give a number between 0 and 1")
-    for name, value in counts.items():
-        _count(name, value)
-    if not 0 <= _real("curvature", curvature) < 1:
-        raise ModelError(f"curvature is {curvature!r}; give a number from 0, less than 1")
-
-
-def _real(name: str, value: Any) -> float:
-    try:
-        return float(value)
-    except (TypeError, ValueError):
-        raise ModelError(f"{name} is {value!r}; give a number") from None
-
-
-def _count(name: str, value: Any) -> int:
-    if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < 0:
-        raise ModelError(f"{name} is {value!r}; give a whole number, 0 or more")
-    return min(int(value), _ENDLESS)
-
-
-def _interval(determinant: Sequence[float]) -> tuple[float, float]:
-    try:
-        low, high = (float(v) for v in determinant)
-    except (TypeError, ValueError):
-        raise ModelError("determinant must be a pair of numbers, least and largest ratio") from None
-    if not 0 <= low < high:
-        raise ModelError(f"determinant is ({low:g}, {high:g}); the first must be the smaller one and not negative")
-    return low, high
-
-
 def _scale(name: str, value: ArrayLike, n: int) -> _F1:
     try:
         scale = np.broadcast_to(np.asarray(value, dtype=np.float64), (n,)).copy()
@@ -348,21 +261,8 @@ def _row_sizes(word: str, function: _Function, x: _F1, fd_step: float) -> _F1:
     return np.where(size > 0, size, 1.0)
 
 
-def _memory(memory: int | str | None, n: int) -> int | None:
-    if memory is None:
-        return None
-    if isinstance(memory, str):
-        if memory != "auto":
-            raise ModelError(f'memory is {memory!r}; give a number of pairs, None or "auto"')
-        return None if n <= _LARGEST_DENSE else 30
-    if _count("memory", memory) == 0:
-        raise ModelError("memory is 0; keep at least one pair, or None for the whole matrix")
-    return int(memory)
-
-
-def _first_inverse(
-    inverse0: Any, jac0: Any, function: _Function, memory: int | None, method: str, n: int
-) -> _core.RootInverse | None:
+def _first_inverse(inverse0: Any, estimate: Estimate, function: _Function) -> _core.RootInverse | None:
+    n, jac0 = len(function.x_scale), estimate.jac0
     if inverse0 is not None:
         if isinstance(inverse0, _core.RootInverse):
             if inverse0.n != n:
@@ -375,7 +275,7 @@ def _first_inverse(
         if jac0 not in ("fd", "identity"):
             raise ModelError(f'jac0 is {jac0!r}; give "fd", "identity" or an array ({n}, {n})')
         return None
-    if memory is not None:
+    if estimate.pairs(n) is not None:
         raise ModelError("an array for jac0 needs the whole matrix; leave out memory, or give sparsity and jac0='fd'")
     jacobian = _square("jac0", jac0, n) * function.x_scale / function.f_scale[:, None]
     try:
@@ -395,21 +295,6 @@ def _square(name: str, value: Any, n: int) -> NDArray[np.float64]:
     if matrix.shape != (n, n) or not np.isfinite(matrix).all():
         raise ModelError(f"{name} must be a finite array ({n}, {n}); it has shape {matrix.shape}")
     return matrix
-
-
-def _pattern(sparsity: Any, n: int) -> tuple[list[int], list[int]] | None:
-    if sparsity is None:
-        return None
-    import scipy.sparse
-
-    try:
-        pattern = scipy.sparse.csc_matrix(sparsity)
-    except (TypeError, ValueError):
-        raise ModelError(f"sparsity must be an array or sparse matrix ({n}, {n})") from None
-    if pattern.shape != (n, n):
-        raise ModelError(f"sparsity has shape {pattern.shape}; it must be ({n}, {n})")
-    pattern.sum_duplicates()
-    return pattern.indptr.tolist(), pattern.indices.tolist()
 
 
 def _observer(callback: Callable[[_F1, _F1], Any] | None, function: _Function) -> Callable[[_F1, _F1], bool] | None:

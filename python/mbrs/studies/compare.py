@@ -22,12 +22,11 @@ from ..linear.response import ResponseResult
 from ..linear.steady import SteadyMotion
 from ..motion.trajectory import Trajectory
 from ..nonlinear.periodic import PeriodicSolution
-from ..nonlinear.quasi_periodic import QuasiPeriodicSolution
 from ..nonlinear.quasi_periodic_curves import QuasiPeriodicResponse
+from ..nonlinear.quasi_periodic_solution import QuasiPeriodicSolution
 from ..nonlinear.response_curve import FrequencyResponse
 from ..reference import hbm_balance
-from ..reference.assembly import assemble
-from ..reference.kinematics import first_guess
+from ..reference.assembly import drawn_and_assembled
 from ..reference.motion import with_rates
 from ..results import Result, Stats, quantity, result
 
@@ -231,7 +230,7 @@ def _state(sys: Any, lin: Linearization) -> Any:
             raise ModelError("a model with flexible bodies is compared in its drawn state and at its equilibrium only")
         if lin.state.kind == "equilibrium":
             return ref.equilibrium(sys, without=lin.without)[0]
-        return assemble(sys, first_guess(sys))
+        return drawn_and_assembled(sys)
     return _state_at(sys, lin.poses)
 
 
@@ -417,7 +416,7 @@ def _motion(traj: Trajectory) -> list[_Row]:
     state = _state_at(sys, traj.snapshot.system.bodies(start.q, start.rate))
     chosen = np.unique(np.linspace(0, len(traj.t) - 1, _TIMES + 1).astype(int))
     history = ref.simulate(sys, state, traj.t[chosen][1:] - traj.t[0], rtol=_RTOL)
-    ends = [with_rates(sys, instant.motion) for instant in history.instants]
+    ends = [with_rates(sys, instant.motion.state, instant.motion.rate) for instant in history.instants]
     arms = np.array([b.com for b in sys.bodies]).reshape(-1, 3)
     place = np.array([s.r - np.einsum("nij,nj->ni", s.R, arms) for s in ends])
     core = np.array([traj.position(name)[chosen] for name in traj.bodies]).swapaxes(0, 1)

@@ -12,7 +12,7 @@ from .._lib.checks import shown
 from .._lib.text import number
 from ..errors import ModelError
 from ..linear.sensitivity import sensitivity
-from ..model.tables import directions
+from ..model.directions import directions
 from ..results import Result, Stats, quantity, result
 
 if TYPE_CHECKING:

@@ -1,0 +1,152 @@
+"""The motion that is differentiated: where it starts, its scheme, and steps that end where objectives are read."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from .. import _core
+from .._lib.border import core_errors
+from .._lib.checks import shown
+from ..errors import ModelError
+from ..motion.simulate import simulate
+from ..motion.tangent import (
+    Run,
+    grid,
+    least_gap,
+    require_exact_tangents,
+)
+from ..system.snapshot import Snapshot
+from ..system.state import state_of
+from .objectives import Integral, Objective
+
+if TYPE_CHECKING:
+    from ..model.model import Model
+    from ..system.state import State
+
+
+def finite(name: str, value: Any, least: float = 0.0) -> float:
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        raise ModelError(f"{name}= must be a number, got {shown(value)}") from None
+    if not math.isfinite(number) or number < least:
+        raise ModelError(f"{name}= must be a finite number of at least {least:g}, got {shown(value)}")
+    return number
+
+
+def prepare(
+    m: Model,
+    objectives: Sequence[Objective],
+    t: float,
+    step: float | None,
+    rtol: float | None,
+    at: Any,
+    without: tuple[str, ...],
+    **kind: Any,
+) -> Run:
+    """Start and steps of a motion."""
+    require_exact_tangents(m, without)
+    snapshot = Snapshot.of(m, without)
+    state = state_of(m, snapshot.system, at, hold=False, without=without)
+    end = finite("t", t, state.t)
+    slack = least_gap(state.t, end)
+    for o in objectives:
+        if np.any(np.diff(o.times) <= slack) and end > state.t:
+            raise ModelError(
+                f"mb.AtTimes names times closer than {slack:.1e} s, which cannot be told apart; name each once"
+            )
+    for x in (x for o in objectives for x in o.times):
+        if not state.t - slack <= x <= end + slack:
+            raise ModelError(f"mb.AtTimes names t = {x:.12g} s, outside the motion from {state.t:.12g} to {end:.12g} s")
+    through = [min(max(x, state.t), end) for o in objectives for x in o.times]
+    if step is not None and rtol is not None:
+        raise ModelError("give rtol= (steps chosen first) or step= (fixed steps), not both")
+    if kind["scheme"] == "auto":
+        kind["scheme"] = _scheme(snapshot, state, without, end, step)
+    orders: tuple[int, ...] = ()
+    if end == state.t:
+        times = np.array([end])
+    elif step is not None:
+        h = finite("step", step, np.finfo(float).tiny)
+        if (end - state.t) / h > 1e8:
+            raise ModelError(f"step={step} would need more than 1e8 steps")
+        breaks = _core.motion_breaks(snapshot.system, state.t)
+        times = grid(state.t, end, h, [*through, *breaks])
+    else:
+        marks = np.array(sorted({*(x for x in through if x > state.t), end}))
+        run: dict[str, Any] = {"rtol": 1e-7 if rtol is None else rtol, "at": state, "without": without}
+        multistep = kind["scheme"] == "bdf"
+        if multistep and len(marks) > 1:
+            # every mark has a step that ends near it
+            run["max_step"] = 0.9 * float(np.diff(marks).min())
+        traj = simulate(m, marks, **run, **_as_method(kind))
+        if multistep:
+            breaks = _core.motion_breaks(snapshot.system, state.t)
+            times, orders = _drawn_to(traj.steps, traj.orders, marks, breaks, slack)
+        else:
+            times = _with_marks(traj.steps, marks)
+    inner = any(isinstance(o, Integral) for o in objectives)
+    return Run(m, snapshot, state, without, times, inner=inner, orders=orders, **kind)
+
+
+def _scheme(snapshot: Snapshot, state: State, without: tuple[str, ...], end: float, step: float | None) -> str:
+    """The scheme that is accurate at the least cost."""
+    fixed = None if step is None else finite("step", step, np.finfo(float).tiny)
+    with core_errors():
+        explicit = _core.motion_is_explicit(
+            snapshot.system, state.q, state.rate, state.memory.tolist(), list(without), (state.t, end), fixed
+        )
+    if explicit:
+        return "explicit"
+    # fixed steps may go over a vibration, which the one keeps and the other damps; steps by a tolerance are a few of order five
+    return "radau" if step is None else "ali3p"
+
+
+def _with_marks(steps: np.ndarray, marks: np.ndarray) -> np.ndarray:
+    """Steps that end at the marks too; steps nearer to a mark than a hundredth of their length move to it."""
+    length = np.minimum(np.diff(steps, prepend=-np.inf), np.diff(steps, append=np.inf))
+    far = np.abs(steps[:, None] - marks[None, :]).min(axis=1) > 0.01 * length
+    far[0] = True
+    return np.unique(np.concatenate([steps[far], marks]))
+
+
+def _drawn_to(
+    steps: np.ndarray, orders: Sequence[int], marks: np.ndarray, breaks: Sequence[float], near: float
+) -> tuple[np.ndarray, tuple[int, ...]]:
+    """The same steps, the nearest of which end at the marks: lengths and orders of a history go on evenly.
+
+    The start and the breaks stay where they are: a mark that is nearest to one of them has a step of its own.
+    """
+    held = {0, *np.flatnonzero(np.isin(steps, breaks)).tolist()}
+    ends, own = {i: float(steps[i]) for i in held}, []
+    for mark in marks.tolist():
+        nearest = int(np.abs(steps - mark).argmin())
+        if nearest not in held or abs(mark - steps[nearest]) <= near:
+            ends[nearest] = mark
+        else:
+            own.append(mark)
+    places = sorted(ends)
+    times = np.interp(steps, steps[places], [ends[i] for i in places])
+    times[places] = [ends[i] for i in places]
+    kinds = list(orders)
+    for mark in own:
+        i = int(np.searchsorted(times, mark))
+        times = np.insert(times, i, mark)
+        # the other part of a step that begins a history goes on at its order
+        kinds.insert(i, abs(kinds[i - 1]))
+    return times, tuple(kinds)
+
+
+def _as_method(kind: dict[str, Any]) -> dict[str, Any]:
+    scheme = kind["scheme"]
+    return {"method": scheme} | {
+        "explicit": {"coordinates": "tree"},
+        "radau": {},
+        "bdf": {},
+        "ali3p": {},
+        "generalized-alpha": {"rho": kind["rho"]},
+    }[scheme]
