@@ -13,16 +13,20 @@ use crate::linalg::krylov::{Options, Ritz, Space};
 use crate::linalg::sparse::Csc;
 use crate::run::{Cancel, Counts};
 use crate::tolerances::modes::PATIENCE;
-use crate::tolerances::sparse_modes::{BESIDE_CROWD, NARROW, NEARLY_ROOT, PLAUSIBLE, REAL_ROOT, SAME_DAMPED};
+use crate::tolerances::sparse_modes::{
+    BESIDE_CROWD, NARROW, NEARLY_ROOT, PLAUSIBLE, REAL_ROOT, ROOT_RESIDUAL, SAME_DAMPED, SAME_PLACE,
+};
 
 /// Roots beyond the wanted ones, among which a gap is looked for that a circle can pass.
 const SPARE: usize = 6;
 /// How often the shift moves.
 const MOVES: usize = 8;
-/// How often the search widens where the count says that roots are missing.
-const WIDER: usize = 3;
-/// Where else on the circle roots are looked for that are not near the others, in half turns.
-const ELSEWHERE: [f64; 6] = [1.0, 0.75, 0.875, 0.625, 0.25, 0.0];
+/// About how many places roots are looked for, as long as the count says that some are missing.
+const PLACES: usize = 10;
+/// How often new random vectors look for members of repeated roots.
+const FRESH: usize = 3;
+/// How many times the first number of roots a wider search may look for.
+const MANY: usize = 4;
 
 struct Search<'a> {
     system: &'a Damped,
@@ -54,24 +58,28 @@ pub(super) fn lowest(
         if i < n { c64::new(modes.shape[(i, j)], 0.0) } else { c64::new(0.0, modes.shape[(i - n, j)]) }
     });
     let search = Search { system, strain, rate, cancel };
-    let (mut sigma, start) = search.settle(c64::new(0.0, rate), start, wanted, counts)?;
+    let (mut sigma, first) = search.settle(c64::new(0.0, rate), start, wanted, counts)?;
     let (mut more, mut known, mut verified) = (wanted + SPARE, Roots::default(), "unverified");
-    for _ in 0..WIDER {
-        let near = search.about(sigma, more, start.as_ref(), counts)?;
+    let mut start = Some(first.as_ref());
+    for _ in 0..PLACES {
+        let near = search.about(sigma, more, start.take(), counts)?;
         let seen = near.s.iter().map(|s| (s - sigma).norm()).fold(0.0, f64::max);
-        let before = std::mem::replace(&mut known, near.upper());
-        known.merge(before);
-        match search.missing(&mut known, wanted, (sigma, seen), counts)? {
-            Some(0) => {
+        known.merge(near.upper());
+        let Some(radius) = known.circle(wanted) else {
+            break;
+        };
+        let disc = Disc { radius, known: &known.s, centre: sigma, seen };
+        match system.polynomial.unknown_inside(&disc, counts, cancel)? {
+            Some((0, _)) => {
                 verified = "argument principle";
                 break;
             }
-            Some(count) => more += count + SPARE,
+            Some((count, angle)) => {
+                more = (wanted + SPARE + count).min(MANY * (wanted + SPARE)).min(n);
+                sigma = c64::from_polar(radius, angle);
+            }
             None => break,
         }
-        // the middle of those of smallest modulus sees more of them
-        let first = lowest_first(&known.s, wanted);
-        sigma = first.iter().map(|k| known.s[*k]).sum::<c64>() / first.len().max(1) as f64;
     }
     if known.s.len() < wanted {
         return Err(unfound(known.s.len(), wanted));
@@ -134,16 +142,23 @@ impl Search<'_> {
     }
 
     /// Roots nearest to a shift, up to `wanted`: those that converge.
-    fn about(&self, sigma: c64, wanted: usize, start: MatRef<'_, c64>, counts: &mut Counts) -> Result<Roots> {
+    fn about(&self, sigma: c64, wanted: usize, start: Option<MatRef<'_, c64>>, counts: &mut Counts) -> Result<Roots> {
         let op = self.operator(sigma, counts)?;
-        let options = Options { max_cycles: PATIENCE, ..Options::new(wanted, false) };
-        let mut space =
-            if start.ncols() > 0 { Space::from_vectors(&op, options, start)? } else { Space::new(&op, options)? };
+        let options = Options { max_cycles: 2 * PATIENCE, ..Options::new(wanted, false) };
+        let mut space = match start {
+            Some(vectors) => Space::from_vectors(&op, options, vectors)?,
+            None => Space::new(&op, options)?,
+        };
         let mut ritz = space.best(self.cancel)?;
         // new random vectors bring members of repeated roots to light
-        for _ in 0..WIDER {
-            let before: Vec<c64> = ritz.value.iter().take(wanted).copied().collect();
-            space.restart_afresh(&ritz, wanted)?;
+        for _ in 0..FRESH {
+            // those that have not converged would pass for roots: what is left of them would no longer show
+            let good = space.converged(&ritz).min(wanted);
+            if good == 0 {
+                break;
+            }
+            let before: Vec<c64> = ritz.value.iter().take(good).copied().collect();
+            space.restart_afresh(&ritz, good)?;
             ritz = space.best(self.cancel)?;
             if before.iter().zip(&ritz.value).all(|(a, b)| (a - b).norm() <= SAME_DAMPED * a.norm()) {
                 break;
@@ -153,37 +168,12 @@ impl Search<'_> {
         let count = space.converged(&ritz).min(wanted);
         let states = space.vectors(&ritz, count);
         let n = self.system.m.rows;
-        let column = |k: usize| (0..n).map(|i| states[(i, k)]).collect();
-        Ok(Roots { s: roots(&ritz, sigma, count), shape: (0..count).map(column).collect() })
-    }
-
-    /// How many roots of smaller modulus than the wanted ones, or equal, are unknown after a look elsewhere; None where no count is possible.
-    fn missing(
-        &self,
-        known: &mut Roots,
-        wanted: usize,
-        (centre, seen): (c64, f64),
-        counts: &mut Counts,
-    ) -> Result<Option<usize>> {
-        let none = Mat::zeros(2 * self.system.m.rows, 0);
-        for place in [None].into_iter().chain(ELSEWHERE.map(Some)) {
-            let Some(radius) = known.circle(wanted) else {
-                return Ok(None);
-            };
-            if let Some(place) = place {
-                let there = c64::from_polar(radius, std::f64::consts::PI * place);
-                known.merge(self.about(there, 2, none.as_ref(), counts)?.upper());
-            }
-            let Some(radius) = known.circle(wanted) else {
-                return Ok(None);
-            };
-            let disc = Disc { radius, known: &known.s, centre, seen };
-            match self.system.polynomial.unknown_inside(&disc, counts, self.cancel)? {
-                Some(count) if count > 0 && place != ELSEWHERE.last().copied() => {}
-                other => return Ok(other),
-            }
-        }
-        Ok(None)
+        let s = roots(&ritz, sigma, count);
+        // the argument principle counts a wrong root against one that is missing
+        let residual = self.system.residuals(&s, states.subrows(0, n));
+        let good: Vec<usize> = (0..count).filter(|k| residual[*k] <= ROOT_RESIDUAL).collect();
+        let column = |k: &usize| (0..n).map(|i| states[(i, *k)]).collect();
+        Ok(Roots { s: good.iter().map(|k| s[*k]).collect(), shape: good.iter().map(column).collect() })
     }
 }
 
@@ -207,9 +197,11 @@ impl Roots {
         out
     }
 
+    /// Adds those that are not known; members of one repeated root come together.
     fn merge(&mut self, other: Roots) {
+        let before = self.s.clone();
         for (s, x) in other.s.into_iter().zip(other.shape) {
-            if self.s.iter().all(|k| (k - s).norm() > SAME_DAMPED * s.norm()) {
+            if before.iter().all(|k| (k - s).norm() > SAME_PLACE * s.norm()) {
                 self.s.push(s);
                 self.shape.push(x);
             }
