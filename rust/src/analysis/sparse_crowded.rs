@@ -14,7 +14,7 @@ use crate::linalg::sparse::Csc;
 use crate::run::{Cancel, Counts};
 use crate::tolerances::modes::PATIENCE;
 use crate::tolerances::sparse_modes::{
-    BESIDE_CROWD, NARROW, NEARLY_ROOT, PLAUSIBLE, REAL_ROOT, ROOT_RESIDUAL, SAME_DAMPED, SAME_PLACE,
+    BESIDE_CROWD, NARROW, NEARLY_ROOT, NEW_SHAPE, PLAUSIBLE, REAL_ROOT, ROOT_RESIDUAL, SAME_DAMPED,
 };
 
 /// Roots beyond the wanted ones, among which a gap is looked for that a circle can pass.
@@ -197,15 +197,26 @@ impl Roots {
         out
     }
 
-    /// Adds those that are not known; members of one repeated root come together.
+    /// Adds those that are not known.
     fn merge(&mut self, other: Roots) {
-        let before = self.s.clone();
         for (s, x) in other.s.into_iter().zip(other.shape) {
-            if before.iter().all(|k| (k - s).norm() > SAME_PLACE * s.norm()) {
+            if self.is_new(s, &x) {
                 self.s.push(s);
                 self.shape.push(x);
             }
         }
+    }
+
+    /// Whether a shape is no combination of those at the same place. A root that were known twice would make up for a missing one in
+    /// the count; members of a repeated root have shapes of their own.
+    fn is_new(&self, s: c64, x: &[c64]) -> bool {
+        let near = (0..self.s.len()).filter(|k| (self.s[*k] - s).norm() <= SAME_DAMPED * s.norm());
+        let mut columns: Vec<&[c64]> = near.map(|k| self.shape[k].as_slice()).collect();
+        columns.push(x);
+        let norms: Vec<f64> = columns.iter().map(|x| x.iter().map(|z| z.norm_sqr()).sum::<f64>().sqrt()).collect();
+        let units = Mat::from_fn(x.len(), columns.len(), |i, j| columns[j][i] / norms[j]);
+        let last = columns.len() - 1;
+        units.qr().R()[(last, last)].norm() > NEW_SHAPE
     }
 
     /// The radius behind the wanted roots with the widest gap in the modulus.

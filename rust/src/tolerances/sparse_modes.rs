@@ -93,6 +93,6 @@ pub const BESIDE_CROWD: f64 = 0.01;
 /// Backward error of a pair up to which it is a root, where roots are counted. Larger: a wrong root makes up for a missing one.
 /// Smaller: roots are looked for again that are known.
 pub const ROOT_RESIDUAL: f64 = 1e-10;
-/// Roots from two shifts that are one root, relative. Larger: neighbours of crowded ones are lost. Smaller: one root counts twice, and the
-/// count is left open.
-pub const SAME_PLACE: f64 = 1e-11;
+/// Part of a unit shape outside the span of the known ones at the same root, above which it is one more member of a repeated root. Larger:
+/// members are missed, and looked for in vain. Smaller: one root counts twice and makes up for a missing one.
+pub const NEW_SHAPE: f64 = 1e-3;
