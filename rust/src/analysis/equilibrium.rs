@@ -112,15 +112,6 @@ impl Local {
         (0..self.islands.len()).filter(move |j| self.islands[*j] == self.islands[i])
     }
 
-    /// The coordinates of each island.
-    fn members(&self) -> Vec<Vec<usize>> {
-        let mut islands = self.islands.clone();
-        islands.sort_unstable();
-        islands.dedup();
-        let own = |island: usize| (0..self.islands.len()).filter(|i| self.islands[*i] == island).collect();
-        islands.into_iter().map(own).collect()
-    }
-
     fn is_graded(&self) -> bool {
         (0..self.r.len()).any(|i| self.k[(i, i)].abs() < GRADED * self.stiffest(i))
     }
@@ -233,7 +224,11 @@ impl Spectrum {
 fn spectrum(local: &Local) -> Result<Spectrum> {
     let n = local.r.len();
     let mut found: Vec<(f64, f64, f64, DVector<f64>)> = Vec::with_capacity(n);
-    for own in local.members() {
+    let mut islands = local.islands.clone();
+    islands.sort_unstable();
+    islands.dedup();
+    for island in islands {
+        let own: Vec<usize> = (0..n).filter(|i| local.islands[*i] == island).collect();
         let w = |i: usize| local.weight[own[i]];
         let entry = |i: usize, j: usize| 0.5 * (local.k[(own[i], own[j])] + local.k[(own[j], own[i])]) * w(i) * w(j);
         let eigen = Mat::from_fn(own.len(), own.len(), entry)
@@ -436,40 +431,16 @@ fn newton_answer(local: &Local, spectrum: &Spectrum, r: &DVector<f64>) -> Result
     // K itself where it leads downhill anyway; its symmetric part where that decides about up and down
     let definite = (0..spectrum.values.len()).all(|k| spectrum.values[k] > spectrum.none[k]);
     if !local.conservative() && (definite || !local.may_be_conservative()) {
-        return step_under_followers(local, r);
+        let step = local.k.clone().lu().solve(&-r).filter(|s| s.iter().all(|v| v.is_finite()));
+        return step.ok_or_else(|| {
+            Error::singular("the tangent stiffness is singular under follower loads; restrain the model")
+        });
     }
     let mut step = DVector::zeros(r.len());
     for (k, value) in spectrum.values.iter().enumerate() {
         if spectrum.is_held(k) {
             let v = spectrum.vectors.column(k);
             step -= v * (v.dot(r) / value.abs());
-        }
-    }
-    Ok(step)
-}
-
-/// -K^-1 r of a stiffness that is not symmetric, island by island; along directions without stiffness, where no force pushes, not at all.
-fn step_under_followers(local: &Local, r: &DVector<f64>) -> Result<DVector<f64>> {
-    let singular = || Error::singular("the tangent stiffness is singular under follower loads; restrain the model");
-    let mut step = DVector::zeros(r.len());
-    for own in local.members() {
-        let w = |i: usize| local.weight[own[i]];
-        let entry = |i: usize, j: usize| local.k[(own[i], own[j])] * w(i) * w(j);
-        let svd = DMatrix::from_fn(own.len(), own.len(), entry).svd(true, true);
-        let (Some(u), Some(v)) = (&svd.u, &svd.v_t) else {
-            return Err(singular());
-        };
-        let none = NO_STIFFNESS * svd.singular_values.amax();
-        for (k, stiffness) in svd.singular_values.iter().enumerate() {
-            let push: f64 = (0..own.len()).map(|i| u[(i, k)] * w(i) * r[own[i]]).sum();
-            if *stiffness > none {
-                (0..own.len()).for_each(|i| step[own[i]] -= w(i) * v[(k, i)] * push / stiffness);
-                continue;
-            }
-            let length = (0..own.len()).map(|i| (u[(i, k)] * w(i)).powi(2)).sum::<f64>().sqrt();
-            if push.is_nan() || push.abs() > PUSHED * length * local.sizes[own[0]] {
-                return Err(singular());
-            }
         }
     }
     Ok(step)
