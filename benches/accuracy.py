@@ -1,6 +1,7 @@
 """Writes docs/accuracy.md and its pictures: measured error against measured time, by `mb.accuracy_study`.
 
 python benches/accuracy.py [name ...]     (names: only these sections, put into the page that is there)
+python benches/accuracy.py --redraw       (measures nothing: draws the pictures anew from the numbers on the page)
 
 Times are wall times of this machine, the best of several runs; errors do not depend on it.
 """
@@ -8,6 +9,7 @@ Times are wall times of this machine, the best of several runs; errors do not de
 from __future__ import annotations
 
 import math
+import re
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -21,9 +23,14 @@ import accuracy_nonlinear as nonlinear
 import bdf_evaluations
 import mbrs as mb
 import numpy as np
+from mbrs.studies.accuracy import AccuracyStudy, StudyPoint
+from tables import folded
 
 DOCS = Path(__file__).resolve().parent.parent / "docs"
 HEAD = """# What accuracy costs
+
+[Accuracy and cost](cost.md) picks the four curves that answer most questions and says what to take. Here is every curve; "numbers" below
+it unfolds what it is drawn from.
 
 Made by `python benches/accuracy.py` through `mb.accuracy_study`; times are of one machine and tell ratios only. Every
 result of mbrs carries an estimate of its own error (`.error`); the column "estimate" is its largest value.
@@ -214,10 +221,41 @@ def markdown(section: Section) -> str:
         lines.append([setting, "-" if not math.isfinite(p.time) else f"{1e3 * p.time:.3g} ms", *numbers, p.status])
     rows = "\n".join("| " + " | ".join(cells) + " |" for cells in lines)
     picture = f"![error against time](img/accuracy-{section.name}.png)"
-    return f"## {section.title}\n{section.text}\n\nError: {study.measure}.\n\n{picture}\n\n{rows}\n"
+    return f"## {section.title}\n{section.text}\n\nError: {study.measure}.\n\n{picture}\n\n{folded(rows)}\n"
+
+
+def redraw() -> None:
+    """Pictures of error against time from the numbers on the page: the first setting that is a number stands beside the points."""
+    sections = (DOCS / "accuracy.md").read_text(encoding="utf-8").split("\n## ")[1:]
+    for section in sections:
+        picture = re.search(r"!\[error against time\]\(img/(.*?)\)", section)
+        points = [
+            _point(*row)
+            for row in re.findall(r"^\| (\w+ = .*?) \| (.*?) \| (.*?) \| (.*?) \| (.*?) \|$", section, re.M)
+        ]
+        if picture is None or not points:
+            continue
+        if "size" in points[0].settings:  # differences over their step: no curve over time
+            continue
+        measure = re.search(r"^Error: (.*)\.$", section, re.M)
+        assert measure is not None, section[:80]
+        study = AccuracyStudy(tuple(points), tuple(points[0].settings), measure[1], "")
+        study.plot().savefig(DOCS / "img" / picture[1])
+
+
+def _point(setting: str, time: str, error: str, estimate: str, status: str) -> StudyPoint:
+    settings = dict(part.split(" = ", 1) for part in re.split(r", (?=\w+ = )", setting))
+    number = next(name for name, text in settings.items() if text.replace(".", "").replace("e-", "").isdigit())
+    numbers = [math.nan if text == "-" else float(text.removesuffix(" ms")) for text in (time, error, estimate)]
+    return StudyPoint(
+        settings, {}, 1e-3 * numbers[0], numbers[1], status, numbers[2], numeric={number: float(settings[number])}
+    )
 
 
 def main(names: list[str]) -> None:
+    if names == ["--redraw"]:
+        redraw()
+        return
     parts = [HEAD]
     for name in names or SECTIONS:
         section = SECTIONS[name]()

@@ -15,6 +15,7 @@ from typing import Any
 
 import mbrs as mb
 import numpy as np
+from tables import folded
 
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT / "tests" / "models"))
@@ -149,7 +150,8 @@ def put(path: Path, mark: str, lines: list[str]) -> None:
     text = path.read_text(encoding="utf-8")
     begin, end = f"<!-- {mark} begins -->", f"<!-- {mark} ends -->"
     head, tail = text.split(begin)[0], text.split(end)[1]
-    path.write_text(f"{head}{begin}\n" + "\n".join(lines) + f"\n{end}{tail}", encoding="utf-8")
+    body = "\n".join(lines)
+    path.write_text(f"{head}{begin}\n{body}\n{end}{tail}", encoding="utf-8")
 
 
 def main(write: bool) -> None:
@@ -165,7 +167,7 @@ def main(write: bool) -> None:
     equal = equal_error()
     print("\n".join(equal))
     if write:
-        put(ROOT / "docs" / "root.md", "motion", lines)
+        put(ROOT / "docs" / "root.md", "motion", [folded("\n".join(lines))])
         put(ROOT / "docs" / "root.md", "equal error", equal)
 
 

@@ -16,6 +16,7 @@ from typing import Any
 
 import mbrs as mb
 import numpy as np
+from tables import folded
 
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT / "tests" / "models"))
@@ -189,7 +190,7 @@ def section() -> str:
     """Measures, draws the picture, and returns the section of docs/accuracy.md."""
     found = measured()
     picture(found, ROOT / "docs" / "img" / PICTURE)
-    return f"{TITLE}\n{WORDS}\n![error against evaluations](img/{PICTURE})\n\n{READING}\n{table(found)}\n"
+    return f"{TITLE}\n{WORDS}\n![error against evaluations](img/{PICTURE})\n\n{READING}\n{folded(table(found))}\n"
 
 
 def main(write: bool) -> None:

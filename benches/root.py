@@ -13,6 +13,7 @@ from typing import Any
 
 import mbrs as mb
 import numpy as np
+from tables import folded
 
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT / "tests" / "models"))
@@ -129,15 +130,16 @@ def main(write: bool) -> None:
                 solved[method] += not (cell.startswith("**fails") or cell.startswith("error"))
             lines.append(f"| {name} | {n} | {p.source} | " + " | ".join(cells.values()) + " |")
             print(lines[-1], flush=True)
-    lines.append(f"| **solved of {total}** | | | " + " | ".join(str(v) for v in solved.values()) + " |")
-    table = "\n".join(lines)
-    print(lines[-1])
+    heads = f"| solved of {total} by | " + " | ".join(METHODS) + " |\n| --- | " + "--- | " * len(METHODS)
+    counts = f"{heads}\n| problems | " + " | ".join(str(v) for v in solved.values()) + " |"
+    print(counts)
     if write:
         path = ROOT / "docs" / "root.md"
         text = path.read_text(encoding="utf-8")
         begin, end = "<!-- table begins -->", "<!-- table ends -->"
+        each = folded("\n".join(lines), "each problem")
         head, tail = text.split(begin)[0], text.split(end)[1]
-        path.write_text(f"{head}{begin}\n{table}\n{end}{tail}", encoding="utf-8")
+        path.write_text(f"{head}{begin}\n{counts}\n\n{each}\n{end}{tail}", encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -55,6 +55,11 @@ def ms(seconds: float) -> str:
     return f"{1e3 * seconds:.3g} ms"
 
 
+def folded(rows: str, title: str = "numbers") -> str:
+    """A long table of a page, closed until it is asked for."""
+    return f"<details><summary>{title}</summary>\n\n{rows}\n\n</details>"
+
+
 def table(rows: list[Row]) -> str:
     lines = [["what", "goal", "mbrs", "beside it", "reached"], ["---"] * 5, *(row.cells() for row in rows)]
     return "\n".join("| " + " | ".join(cells) + " |" for cells in lines)

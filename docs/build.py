@@ -1,6 +1,9 @@
 """Build the site into target/site: runs the tests of the verification manual first, unless their records are there.
 
 python docs/build.py [--fresh]      needs pip install '.[test,docs]'
+
+Pages are read anew, since what they print comes from the package; ``--fresh`` also runs the tests of the manual and the gallery's
+scripts again.
 """
 
 import os
@@ -41,7 +44,8 @@ def main() -> None:
     """Records, pages, checks."""
     records = Path(os.environ.get("MBRS_MANUAL", TARGET / "manual"))
     if "--fresh" in sys.argv:
-        shutil.rmtree(records, ignore_errors=True)
+        for made in (records, ROOT / "docs" / "gallery", ROOT / "docs" / "generated"):
+            shutil.rmtree(made, ignore_errors=True)
     if not any(records.glob("*.json")):
         run("pytest", *CASES, MBRS_MANUAL=str(records))
     out = TARGET / "site"
@@ -49,6 +53,7 @@ def main() -> None:
     run(
         "sphinx",
         "-W",
+        "-E",
         "--keep-going",
         "-b",
         "html",

@@ -93,3 +93,24 @@ def test_the_page_on_measurements_is_true(tmp_path, monkeypatch):
 def test_the_picture_of_the_architecture_is_what_its_script_draws():
     script = runpy.run_path(str(DOCS / "img" / "architecture.py"))
     assert script["PICTURE"].read_text(encoding="utf-8") == script["picture"]()
+
+
+def test_files_that_answer_questions_are_there():
+    """The table of docs/architecture.md names one file to a question, and the word that the answer is about is in it."""
+    page = (DOCS / "architecture.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| ([^|]+) \| (.*) \|$", page.split("## Questions a reader asks")[1].split("\n## ")[0], re.M)[
+        2:
+    ]
+    assert len(rows) >= 12
+    words = {
+        "stiffness of a bushing": "x y z rx ry rz", "axis of a hinge": "CONSTRAINTS", "equilibrium converged": "BALANCED",
+        "Campbell diagram": "def campbell", "TOML file": "Lines and columns", "file of a result": "FORMAT",
+        "does `mb.simulate` choose": "not stiff", "new law": "impl Law", "new joint": "impl Joint", "new file format": "register(",
+    }  # fmt: skip
+    for question, files in rows:
+        named = [DOCS.parent / name for name in re.findall(r"`((?:python|rust)/[^`]+)`", files)]
+        assert named and all(path.exists() for path in named), question
+        for about, word in words.items():
+            if about in question:
+                assert word in named[-1].read_text(encoding="utf-8"), (question, word)
+    assert all(any(about in question for question, _ in rows) for about in words)

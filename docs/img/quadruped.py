@@ -37,19 +37,19 @@ def draw_mode(axes: Any, modes: Any, mode: int) -> None:
         before = vertices + b.origin
         solids.append((before, moved(before, b.origin, twists[b.name]) - before, faces))
     scale = SHOWN_MOTION / max(np.linalg.norm(d, axis=1).max() for _, d, _ in solids)
-    shades = colormaps["YlOrRd"]
+    shades = colormaps["GnBu"]
     for before, d, faces in solids:
         axes.add_collection3d(Line3DCollection([before[[*f, f[0]]] for f in faces], colors="#c7d0d9", linewidths=0.5))
         size = np.linalg.norm(d, axis=1) * scale / SHOWN_MOTION
-        colours = [shades(0.15 + 0.75 * float(np.mean(size[f]))) for f in faces]
+        colours = [shades(0.4 + 0.55 * float(np.mean(size[f]))) for f in faces]
         after = before + scale * d
         axes.add_collection3d(
-            Poly3DCollection([after[f] for f in faces], facecolors=colours, edgecolors="#5b4a3a", linewidths=0.4)
+            Poly3DCollection([after[f] for f in faces], facecolors=colours, edgecolors="#33404e", linewidths=0.4)
         )
     feet = [link.at_a for link in scene.links if link.a is None]
     axes.scatter(*np.transpose(feet), marker="s", s=28, color=GREY, depthshade=False)
     axes.set(xlim=(-0.42, 0.42), ylim=(-0.42, 0.42), zlim=(0.0, 0.68))
-    axes.set_box_aspect((0.84, 0.84, 0.68), zoom=1.45)
+    axes.set_box_aspect((0.84, 0.84, 0.68), zoom=1.05)
     axes.view_init(elev=18, azim=28)
     axes.set_axis_off()
     axes.set_title(
@@ -68,7 +68,7 @@ def draw_transfer_function(axes: Any, modes: Any, h: Any) -> None:
 
 
 def draw_sensitivities(axes: Any, s: Any, mode: int) -> None:
-    bars = tornado_bars(s, mode)
+    bars = tornado_bars(s, mode, most=5)
     place = np.arange(len(bars))
     axes.barh(place, [b.value for b in bars], color=[BLUE if b.value > 0 else ORANGE for b in bars], height=0.6)
     axes.set_yticks(place, [f"{b.label}\n{b.change}" for b in bars], fontsize=8.5)

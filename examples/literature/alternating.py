@@ -13,6 +13,7 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 import mbrs as mb
 import numpy as np
+from matplotlib.colors import CenteredNorm
 from said import folder, save, told
 
 
@@ -89,8 +90,10 @@ def main(where: Path | str) -> None:
     c = real_series(rng, 2, 3)
     grid = np.zeros((48, 48), dtype=complex)
     grid[np.ix_(np.arange(-3, 4), np.arange(-3, 4))] = c
-    drawn = axes[1].imshow((np.fft.ifftn(grid * 48**2).real) ** 3, origin="lower", extent=(0, 1, 0, 1), cmap="RdBu")
-    figure.colorbar(drawn, ax=axes[1])
+    drawn = axes[1].imshow(
+        (np.fft.ifftn(grid * 48**2).real) ** 3, origin="lower", extent=(0, 1, 0, 1), cmap="RdBu", norm=CenteredNorm()
+    )
+    figure.colorbar(drawn, ax=axes[1], label="f = x^3")
     axes[1].set(xlabel="t1 / T1", ylabel="t2 / T2", title="two frequencies: f in hyper-time")
     for p, found in errors.items():
         axes[2].semilogy(list(found), [max(e, 1e-17) for e in found.values()], "o-", label=f"p = {p}")

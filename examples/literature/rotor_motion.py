@@ -29,10 +29,25 @@ READINGS = {"40.1 m from the axis": PLACE / (HUB + BLADE), "40.1 m from the blad
 TIMES = np.linspace(0.0, END, 241)
 
 
-def multibody(scale: float, whole: bool = False, **options: str) -> tuple[mb.Trajectory, np.ndarray]:
-    """The motion, and the displacement (n_t, 3) of the first tip in axes that turn with the shaft: outwards, edgewise, flapwise."""
+Loads = dict[str, dict[str, np.ndarray]]
+
+
+def loaded(m: mb.Model, loads: Loads) -> mb.Model:
+    """With loads of the air on each blade, as `Model.section_load` takes them."""
+    for name, load in loads.items():
+        m.section_load(name, **load, name=f"{name}-air")
+    return m
+
+
+def multibody(
+    scale: float, whole: bool = False, loads: Loads | None = None, **options: str
+) -> tuple[mb.Trajectory, np.ndarray]:
+    """The motion, and the displacement (n_t, 3) of the first tip in axes that turn with the shaft: outwards, edgewise, flapwise.
+
+    Loads of the air are those given, or else invented.
+    """
     build = mb.examples.whole_rotor if whole else mb.examples.wind_rotor
-    m = build(air=2 * END, scale=scale)
+    m = build(air=2 * END, scale=scale) if loads is None else loaded(build(scale=scale), loads)
     m.marker("tip", m["rotor"].node("tip1") if whole else m["blade1"].node("tip"))
     traj = mb.simulate(m, t=TIMES, rtol=1e-6, **options)
     centre = traj.position("rotor" if whole else "hub")[0]
@@ -40,9 +55,9 @@ def multibody(scale: float, whole: bool = False, **options: str) -> tuple[mb.Tra
     return traj, place - [scale * (HUB + BLADE), 0.0, 0.0]
 
 
-def turning(scale: float, speed: float, **options: object) -> Rotor:
+def turning(scale: float, speed: float, loads: Loads | None = None, **options: object) -> Rotor:
     """The rotor linearised in its own frame at a speed, without its drive."""
-    m = mb.examples.wind_rotor(speed=speed, drive=False, scale=scale, **options)
+    m = loaded(mb.examples.wind_rotor(speed=speed, drive=False, scale=scale, **options), loads or {})
     return Rotor(reference.System(tables(m)), "bearing", BLADES, "shaft end", speed)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 import tempfile
+import textwrap
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
@@ -11,10 +12,11 @@ from typing import Any
 
 def told(rows: Iterable[tuple[str, str, str, str]]) -> None:
     """Print rows of (item, the text says, ours, why not comparable; empty where it is)."""
-    for item, text, ours, why in rows:
-        print(f"{item}\n  the text says   {text}\n  ours            {ours}")
-        if why:
-            print(f"  not comparable  {why}")
+    for item, *parts in rows:
+        print(item)
+        for name, part in zip(("the text says", "ours", "not comparable"), parts, strict=True):
+            if part:
+                print(textwrap.fill(part, 96, initial_indent=f"  {name:16}", subsequent_indent=" " * 18))
 
 
 def folder() -> Path:

@@ -161,7 +161,7 @@ _HOME = {
     "RotorModes": "linear.multiblade",
     "BladeLoads": "motion.air",
     "Trajectory": "motion.trajectory",
-    "Energy": "motion.trajectory",
+    "Energy": "motion.energy",
     "MotionGradient": "gradients.motion_gradient",
     "MotionSensitivity": "gradients.motion_gradient",
     "NonlinearSystem": "nonlinear.system",

@@ -142,8 +142,8 @@ from .model.shapes import Cylinder as Cylinder
 from .model.shapes import Mesh as Mesh
 from .model.shapes import Sphere as Sphere
 from .motion.air import BladeLoads as BladeLoads
+from .motion.energy import Energy as Energy
 from .motion.simulate import simulate as simulate
-from .motion.trajectory import Energy as Energy
 from .motion.trajectory import Trajectory as Trajectory
 from .nonlinear.branch import Branch as Branch
 from .nonlinear.frequency_response import frequency_response as frequency_response

@@ -104,6 +104,9 @@ def derived(*, dims: Sequence[str] = (), unit: str = "", label: str = "", name: 
 class _Estimate:
     """The field ``error`` of a result: a value, or a function of the result that computes it when it is first read."""
 
+    def __repr__(self) -> str:
+        return "None"  # in signatures
+
     def __get__(self, owner: Any, kind: Any = None) -> Any:
         if owner is None:
             return self

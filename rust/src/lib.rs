@@ -11,39 +11,46 @@
 // the border uses most of the core; without it dead code cannot be told
 #![cfg_attr(not(feature = "python"), allow(dead_code, unused_imports))]
 
+mod ad;
 mod aero;
-mod analysis;
+mod constraint;
+mod designs;
+mod equilibrium;
 mod error;
 mod expressions;
 mod force;
+mod integrate;
 mod joint;
 mod kinematics;
 mod linalg;
+mod linearize;
 mod memory;
 mod model;
+mod multibody;
+mod periodic;
 mod run;
 mod second_order;
+mod sensitivity;
 mod solve;
 mod spatial;
-mod system;
 mod tolerances;
 
 #[cfg(feature = "python")]
 mod python;
 
-pub use analysis::assembly::assemble;
-pub use analysis::equilibrium::{Equilibrium, equilibrium};
-pub use analysis::frf::Reduction;
-pub use analysis::linearize::{Linearization, Setting, linearize};
-pub use analysis::modal::{Kind, modes};
-pub use analysis::ports::Ports;
+pub use constraint::assembly::assemble;
+pub use equilibrium::{Equilibrium, equilibrium};
 pub use error::{Error, Result};
 pub use joint::JointKind;
 pub use linalg::quadratic::Quadratic;
+pub use linearize::{Linearization, Setting, linearize};
 pub use model::layout::flag;
 pub use model::tables::{BodyRef, BodySpec, ElementKind, ElementSpec, JointSpec, Tables};
+pub use multibody::System;
+pub use multibody::assemble::Effects;
 pub use run::{Cancel, Counts};
 pub use second_order::SecondOrder;
-pub use system::System;
-pub use system::assemble::Effects;
+pub use second_order::frf::Reduction;
+pub use second_order::modal::{Kind, modes};
+pub use second_order::ports::Ports;
 pub use tolerances::constraints::DRAWING;

@@ -441,6 +441,11 @@ pub fn frame_of_axis<T: Real>(axis: &V3<T>) -> M3<T> {
     M3::from_columns(&[x, z.cross(&x), z])
 }
 
+/// Three numbers of a list from a place on.
+pub fn vector<T: Real>(x: &[T], at: usize) -> V3<T> {
+    V3::new(x[at], x[at + 1], x[at + 2])
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -385,3 +385,13 @@ def test_what_only_python_knows_goes_its_way():
     assert fast_plan(m.copy, ("b0.inertia",), mb.outputs.modes(2)) is None
     assert fast_plan(m.copy, ("no such number",), mb.outputs.modes(2)) is None
     assert fast_plan(m.copy, names, lambda model: {}) is None
+
+
+def test_rows_may_begin_at_any_byte():
+    """As those of a message do, which a cluster sends."""
+    plan = fast_plan(mb.examples.cubic_hexapod, ("k_leg",), mb.outputs.modes(n=3))
+    rows = np.linspace(0.9e5, 1.1e5, 4)[:, None]
+    odd = np.zeros(rows.nbytes + 1, np.uint8)[1:].view(np.float64).reshape(rows.shape)
+    odd[...] = rows
+    assert not odd.flags.aligned
+    assert plan.compute(odd).arrays[0].tobytes() == plan.compute(rows[:1]).arrays[0].tobytes()

@@ -31,6 +31,10 @@ SAYS = {
         ["40.1 m from the axis", "40.1 m from the blade's root", "one body, 9 modes", "inertial frame"],
         ["rotor_displacements", "rotor_coordinates"],
     ),
+    "rotor_wake": (
+        ["loads of a free wake", "modal method, inertial frame", "rigid rotor beside its wake"],
+        ["rotor_wake"],
+    ),
     "design_matrix": (["central differences", "off by 0e+00"], ["design_matrix"]),
     "projections": (["distance from the limit", "order 2.0 in h", "after"], ["projections"]),
     "five_bar": (["(-4.22936, 3.21062)", "lengths 2.43192 and 1.84487 m"], ["five_bar"]),

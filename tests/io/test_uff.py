@@ -147,7 +147,7 @@ def test_a_test_in_millimetres(tmp_path, binary, even):
     assert test.functions[3].response == "17:-rz" and test.functions[3].value.max() > 0.5
     assert test.frequency[0] == pytest.approx(12.5) and test.damping[0] == pytest.approx(0.02)
     assert np.array_equal(test.shape[:3, :, 0], [[0, 0.5], [0.25, 0], [1, -1]])
-    assert "4 functions, 1 modes, 2 nodes" in str(test) and len(test.plot().axes) == 1
+    assert "4 functions, 1 mode, 2 nodes" in str(test) and len(test.plot().axes) == 1
 
 
 def test_forces_have_units_too(tmp_path):

@@ -410,3 +410,22 @@ def test_large_sparse_systems_stay_sparse(damped):
         np.testing.assert_allclose(np.sort(inside), expected, rtol=1e-8)
         with pytest.warns(MbrsWarning, match="miss"):
             frf(s, 0, 0, omega=np.linspace(1e-3, 5e-3, 4))
+
+
+def test_kept_reductions_are_few_and_small(monkeypatch):
+    """What transfer functions keep of the last systems is bounded by the numbers that it holds, not by their count alone."""
+    from mbrs.linear import linear_system as kept
+
+    def one(n, seed):
+        K = np.diag(2.3 + np.random.default_rng(seed).random(n))
+        frf(MechanicalSystem(np.eye(n), 0.01 * K, K), 0, 0, omega=[1.0])
+
+    monkeypatch.setattr(kept, "_reductions", type(kept._reductions)())
+    monkeypatch.setattr(kept, "_KEPT_NUMBERS", 4 * 900 * 5)
+    for seed in (*range(9), 8):
+        one(30, seed)
+    assert len(kept._reductions) == 5  # the last five; equal numbers share one
+    one(60, 0)
+    assert [numbers for _, numbers in kept._reductions.values()] == [4 * 900, 4 * 3600]
+    one(100, 0)
+    assert not kept._reductions

@@ -41,7 +41,8 @@ def other_body():
 
 CASES = [
     # bodies
-    (lambda m: m.body("c", mass=0.0, inertia=(1, 1, 1)), InertiaError, "c.mass must be positive"),
+    (lambda m: m.body("c", mass=0.0, inertia=(0, 0, 0)), InertiaError, "c.mass must be positive"),
+    (lambda m: m.body("c", mass=-1.0, inertia=(1, 1, 1)), InertiaError, "c.mass must be positive"),
     (lambda m: m.body("c", mass=-1, inertia=(1, 1, 1)), InertiaError, "c.mass"),
     (lambda m: m.body("c", mass=math.nan, inertia=(1, 1, 1)), ModelError, "c.mass must be a finite number"),
     (lambda m: m.body("c", mass="1", inertia=(1, 1, 1)), ModelError, "c.mass must be a real number"),

@@ -270,8 +270,8 @@ def test_set_is_all_or_nothing():
     for changes in (
         {"L": 2.0, "a.mass": 3.0},
         {"d.mass": 5.0, "L": -1.0, "nothing.k": 1.0},
-        {"d.mass": 5.0, "V 2": np.zeros((2, 3))},
-        {"d.at": (1, 2, 3), "lambda": -1.0},
+        {"d.mass": 5.0, "V 2": -np.ones((2, 3))},
+        {"d.at": (1, 2, 3), "lambda": -2.5},
         {"d.at": (1, 2, 3), "d.inertia[2,2]": 50.0},
         {"d.at[0]": 1.0, "d.velocity": (1, 2)},
         {"drawn rod.length": -1.0},

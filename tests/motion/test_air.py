@@ -160,3 +160,13 @@ def test_angles_that_no_polar_holds_are_named():
         mb.ModelError, match=r"'short' covers -12 to 4 degrees, but at t = 0 s .* section 1 of 3 of 'wing', at 1"
     ):
         mb.simulate(other, t=0.1)
+
+
+def test_an_effect_study_leaves_out_flexibility_too():
+    """Nodes that only the flexible motion follows are not compared."""
+    m = mb.examples.wind_rotor(modes=2)
+    blades = mb.examples.wind_rotor_blades(sections=4)
+    m.aerodynamics("air", blades, wind=mb.aero.wind(8.0), inflow="bem")
+    study = mb.effect_study(mb.simulate, m, t=0.05, rtol=1e-3)
+    change = {run.effect: run.change for run in study.runs}
+    assert 1e-6 < change["flexibility"] < 1.0 and 1e-6 < change["aerodynamics"] < 1.0 and "induced velocity" in change

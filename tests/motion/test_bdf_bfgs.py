@@ -157,22 +157,16 @@ def test_the_swing_of_the_source(form):
     assert np.log2(errors[0] / errors[1]) > 3.5
 
 
-@pytest.mark.filterwarnings("ignore:rtol=1e-10 was not reached")
+@pytest.mark.filterwarnings("ignore:rtol=.* was not reached")
 @pytest.mark.parametrize(
-    ("name", "tolerances"),
+    ("name", "tolerances", "served"),
     [
-        ("double_pendulum", (1e-3, 1e-5, 1e-7, 1e-9, 1e-10)),
-        ("slider_crank", (1e-3, 1e-5, 1e-7)),
-        pytest.param(
-            "slider_crank",
-            (1e-9, 1e-10),
-            marks=pytest.mark.xfail(
-                strict=False, reason="near the noise of the method the error is up to 16 times the tolerance"
-            ),
-        ),
+        ("double_pendulum", (1e-3, 1e-5, 1e-7, 1e-9, 1e-10), 1e-10),
+        # a loop: its rows are noise below
+        ("slider_crank", (1e-3, 1e-5, 1e-7, 1e-8, 3e-9, 1e-9, 1e-10), 3e-9),
     ],
 )
-def test_a_tolerance_is_that_of_the_whole_motion(name, tolerances):
+def test_a_tolerance_is_that_of_the_whole_motion(name, tolerances, served):
     problem = zoo.SMOOTH[name]()
     for rtol in tolerances:
         traj = mb.simulate(problem.model, t=problem.t / 2, method="bdf-bfgs", rtol=rtol)
@@ -184,9 +178,9 @@ def test_a_tolerance_is_that_of_the_whole_motion(name, tolerances):
         )
         # the truth is that of the numbers without jitter; passing its singular poses, a crank keeps 4 digits less
         noise = 1e4 * jitter.level()
-        assert 1e-3 * rtol < error < 2 * rtol + noise
-        # at the smallest tolerance the differences of a step are rounding, which the estimate adds up
-        assert 0.1 < traj.error / error < (10 if rtol > 1e-10 else 100) or error < noise
+        assert 1e-3 * rtol < error < 2 * max(rtol, served) + noise
+        # near the noise no tighter run tells more, and the whole distance to a looser one counts
+        assert 0.1 < traj.error / error < (10 if rtol > 30 * 1e-9 else 100) or error < noise
 
 
 @pytest.mark.filterwarnings("ignore:rtol=1e-08 was not reached")
@@ -227,6 +221,17 @@ def test_estimates_behind_a_stop(rtol):
             print(f"stop of {stop:.0e} N/m, noise {k}: error {error:.1e}, estimate {traj.error:.1e}")
     # one of many is unlucky: of 18 with numbers as they are and of 36 with noise one was 4.8 times as far off as its estimate
     assert sorted(ratios)[-2] < 1.5 and max(ratios) < 10 and np.median(ratios) > 0.02
+
+
+@pytest.mark.parametrize(("name", "served"), [("double_pendulum", 1e-10), ("slider_crank", 3e-9)])
+def test_a_tolerance_below_the_noise_of_the_method_is_said(name, served):
+    """Just above what the rows of loops allow nothing is said, just below it what is served instead."""
+    model = zoo.SMOOTH[name]().model
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", mb.MbrsWarning)
+        mb.simulate(model, t=0.05, method="bdf-bfgs", rtol=1.01 * served)
+    with pytest.warns(mb.MbrsWarning, match=f"which allows {served:g}"):
+        mb.simulate(model, t=0.05, method="bdf-bfgs", rtol=0.9 * served)
 
 
 def test_a_tolerance_below_rounding_is_said():
@@ -325,6 +330,17 @@ def test_undamped_fast_modes_are_named():
     print(caught[0].message)
     run(mounted(20.0), 0.2, 5e-3)
     run(mounted(0.0), 0.2, 2e-4)
+
+
+def test_steps_that_follow_a_tolerance_hold_undamped_fast_modes_by_themselves():
+    """No warning, and no growth: against the explicit scheme at 1e-11, over forty periods of the fast mode."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", mb.errors.MbrsWarning)
+        traj = mb.simulate(mounted(0.0, velocity=0.3), t=1.3, method="bdf-bfgs", rtol=1e-6)
+    tight = mb.simulate(mounted(0.0, velocity=0.3), t=[1.3], rtol=1e-11, method="explicit")
+    error = np.abs(traj.position("bell")[-1] - tight.position("bell")[-1]).max()
+    print(f"error {error:.1e} m, {len(traj.steps) - 1} steps")
+    assert error < 1e-4
 
 
 # --- bad input -----

@@ -123,12 +123,12 @@ def test_without_constraints_nothing_is_chosen():
 
 
 def test_no_tangent_and_few_multipliers():
-    """Multipliers are solved for at the ends of steps alone."""
+    """Multipliers are solved for at the ends of steps alone, and where a step looks for a singular pose ahead: not at its twelve stages."""
     traj = independent(zoo.SMOOTH["four_bars"]().model, t=0.3, rtol=1e-6)
     n = traj.stats.counts
     print(dict(n))
     assert not n.get("tangents") and n["reduced factorisations"] >= 11 * n["steps"]
-    assert n["mass factorisations"] <= n["steps"] + n.get("rejected steps", 0) + 3
+    assert n["mass factorisations"] <= 2 * (n["steps"] + n.get("rejected steps", 0)) + 3
 
 
 @pytest.mark.parametrize(("n", "way"), [(1, "tree"), (10, "independent")])

@@ -181,6 +181,18 @@ def test_neimark_sacker_points_are_crossings_of_the_shooting_multipliers():
         print("Neimark-Sacker at", event.omega, "| |mu| - 1 of shooting:", abs(largest) - 1)
         assert abs(abs(largest) - 1) < 1e-5 and abs(largest.imag) > 0.01
         assert event.exponent.real == pytest.approx(0, abs=1e-9)
+        # the second frequency is how fast the perturbation turns, up to whole periods
+        turn = abs(np.angle(largest)) * event.omega / (2 * np.pi)
+        assert event.second_frequency == pytest.approx(turn, rel=1e-4)
+    assert {e.second_frequency for e in response.events if e.kind != "neimark-sacker"} <= {None}
+
+
+def test_what_leaves_a_neimark_sacker_point_is_refused_with_its_frequency():
+    branch = Branch(neimark_sacker_system(), force=[0.11, 0.0], omega=(0.8, 1.4), harmonics=9)
+    while not (found := [e for e in branch.events if e.kind == "neimark-sacker"]):
+        branch.run(20)
+    with pytest.raises(ModelError, match=f"{found[0].second_frequency:.6g} rad/s.*follow it in time"):
+        branch.switch(found[0])
 
 
 def test_hill_and_monodromy_agree():

@@ -128,7 +128,9 @@ def test_a_function_repeats_the_law_of_the_core(name):
     known, function, numbers = pairs()[name]
     a, b = (sliding(law, 2.1, **numbers) for law in (known, function))
     for method in ("bdf", "generalized-alpha", "explicit", "ali3p", "bdf-bfgs"):
-        ta, tb = (mb.simulate(m, t=1.1, method=method, rtol=1e-6) for m in (a, b))
+        # how these two choose steps depends on trial motions, and on what a law says of its contacts
+        steps = {"step": 1e-3} if method in ("generalized-alpha", "ali3p") else {"rtol": 1e-6}
+        ta, tb = (mb.simulate(m, t=1.1, method=method, **steps) for m in (a, b))
         assert np.allclose(ta.position("b")[-1], tb.position("b")[-1], rtol=0, atol=1e-9), method
     for m in (a, b):
         m.force("pull", "b", value=tuple(0.37 * np.array(AXIS)))

@@ -72,6 +72,11 @@ SYSTEMS = {
 FORCE = {0: [0.1, 0.0], 1: [0.8, 0.3 - 0.4j], 3: [0.0, 0.2j]}
 
 
+# The core integrates the force of a sharp contact exactly, the reference samples it: (samples, error of solution and residual, of the
+# Jacobian), the errors those of the samples.
+SAMPLED = {"gap": (1 << 16, 1e-6, 2e-3)}
+
+
 @pytest.mark.parametrize("name", SYSTEMS)
 @pytest.mark.parametrize(("harmonics", "subharmonic"), [((1, 2, 3, 4, 5), 1), ((1, 3, 5), 1), ((2, 3, 4, 6), 2)])
 def test_core_equals_reference(name, harmonics, subharmonic):
@@ -79,8 +84,9 @@ def test_core_equals_reference(name, harmonics, subharmonic):
     force = FORCE if subharmonic == 1 else {0: [0.1, 0.0], 1: [0.8, 0.3 - 0.4j], 3: [0.0, 0.2j]}
     one = harmonic_balance(system, force=force, omega=1.3, harmonics=harmonics, subharmonic=subharmonic)
     y = one.X[:, [0, *(i for h in harmonics for i in (2 * h - 1, 2 * h))]]
-    reference = hbm_balance.harmonic_balance(system, force, 1.3, harmonics, one.n_samples, y + 1e-4, subharmonic)
-    assert np.max(np.abs(y - reference)) < 1e-10
+    n, error, _ = SAMPLED.get(name, (one.n_samples, 1e-10, 0.0))
+    reference = hbm_balance.harmonic_balance(system, force, 1.3, harmonics, n, y + 1e-4, subharmonic)
+    assert np.max(np.abs(y - reference)) < error
 
 
 @pytest.mark.parametrize("name", SYSTEMS)
@@ -90,10 +96,43 @@ def test_jacobian_equals_reference(name):
     setup = balance.prepare(SYSTEMS[name], FORCE, Fourier(3, 512))
     y = np.sin(np.arange(14.0))
     core = setup.core.residual(y, [1.3])
-    R, J, R_omega = hbm_balance.residual(SYSTEMS[name], y, FORCE, 1.3, (1, 2, 3), 512)
-    assert np.max(np.abs(core["residual"] - R)) < 1e-12
-    assert np.max(np.abs(core["jacobian"] - J)) < 1e-11
+    n, error, slope_error = SAMPLED.get(name, (512, 1e-12, 1e-11))
+    R, J, R_omega = hbm_balance.residual(SYSTEMS[name], y, FORCE, 1.3, (1, 2, 3), n)
+    assert np.max(np.abs(core["residual"] - R)) < error
+    assert np.max(np.abs(core["jacobian"] - J)) < slope_error
     assert np.max(np.abs(core["slope"] - R_omega)) < 1e-11
+
+
+@pytest.mark.parametrize(
+    "law", [Gap(20.0, 0.1, w=[1.0]), Gap(20.0, 0.4, bilateral=True, w=[1.0]), Gap(5.0, -0.3, w=[1.0])]
+)
+def test_sharp_contact_is_what_samples_tend_to(law):
+    # errors of the samples' force shrink with the square of their number, those of its slope in proportion
+    from mbrs.nonlinear import balance
+
+    system = MechanicalSystem([[1.0]], [[0.1]], [[1.0]], elements=[law])
+    y = np.sin(np.arange(11.0))
+    core = balance.prepare(system, [0.3], Fourier(5, 64)).core.residual(y, [1.3])
+    forces, slopes = [], []
+    for n in (1 << 8, 1 << 12, 1 << 16):
+        R, J, _ = hbm_balance.residual(system, y, {1: [0.3]}, 1.3, (1, 2, 3, 4, 5), n)
+        forces.append(np.max(np.abs(core["residual"] - R)))
+        slopes.append(np.max(np.abs(core["jacobian"] - J)))
+    assert forces[1] < 0.05 * forces[0] and forces[2] < 0.05 * forces[1] and forces[2] < 1e-6
+    assert slopes[1] < 0.5 * slopes[0] and slopes[2] < 0.5 * slopes[1] and slopes[2] < 2e-3
+
+
+def test_jacobian_of_a_sharp_contact_is_exact():
+    from mbrs.nonlinear import balance
+
+    system = MechanicalSystem([[1.0]], [[0.1]], [[1.0]], elements=[Gap(20.0, 0.4, bilateral=True, w=[1.0])])
+    core = balance.prepare(system, [0.3], Fourier(5)).core
+    y, step = np.sin(np.arange(11.0)), 1e-5
+    jacobian = core.residual(y, [1.3])["jacobian"]
+    for i in range(11):
+        e = step * np.eye(11)[i]
+        slope = (core.residual(y + e, [1.3])["residual"] - core.residual(y - e, [1.3])["residual"]) / (2 * step)
+        assert np.max(np.abs(slope - jacobian[:, i])) < 1e-7
 
 
 def test_linear_system_is_exact():

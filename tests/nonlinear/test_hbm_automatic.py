@@ -72,8 +72,8 @@ def test_harmonic_balance(tol):
 
 
 def test_samples_follow_the_law():
-    # a stiff contact that lasts for a small part of the period: 512 samples would miss it
-    system = mb.MechanicalSystem([[1.0]], [[0.05]], [[1.0]], elements=[mb.Gap(1e3, 0.3, w=[1.0])])
+    # a stiff contact that lasts for a small part of the period: 512 samples would miss it; a sharp one would not be sampled
+    system = mb.MechanicalSystem([[1.0]], [[0.05]], [[1.0]], elements=[mb.Gap(1e3, 0.3, smoothing=1e-5, w=[1.0])])
     one = mb.harmonic_balance(system, force=[0.5], omega=0.4, harmonics=31)
     fixed = mb.harmonic_balance(system, force=[0.5], omega=0.4, harmonics=31, n_samples=128, x0=one)
     more = mb.harmonic_balance(system, force=[0.5], omega=0.4, harmonics=31, n_samples=16384, x0=one)

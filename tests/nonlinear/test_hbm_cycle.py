@@ -48,6 +48,13 @@ def test_relaxation_oscillation_by_collocation():
     assert found.stats.route == "collocation" and abs(found.displacement(0.0)).max() < 2.1
 
 
+@pytest.mark.parametrize(("mu", "period"), [(50, 82.5083338932324), (100, 162.837071092372), (200, 323.916041832336)])
+def test_relaxation_oscillations_that_shooting_knows(mu, period):
+    # periods: x' = mu (y - x^3/3 + x), y' = -x/mu by SciPy's Radau with rtol 1e-11 and 1e-12, which differ in the 14th digit
+    found = limit_cycle(van_der_pol(mu), method="collocation", harmonics=63)
+    assert found.period == pytest.approx(period, rel=5e-9) and found.status == "converged"
+
+
 def test_more_harmonics_until_resolved():
     found = limit_cycle(van_der_pol(2), harmonics="auto", tol=1e-8)
     assert found.error <= 1e-8 and found.status == "converged"

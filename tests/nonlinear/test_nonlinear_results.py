@@ -249,6 +249,25 @@ def test_largest_displacement_lies_above_every_sample():
     assert 0 <= cycle.largest() - dense < 1e-8
 
 
+@pytest.mark.parametrize("top", [50, 3000])
+def test_largest_displacement_costs_exponentials_in_proportion_to_the_harmonics(top, monkeypatch):
+    # sum_h cos(h phase) / h^2 has its maximum at zero, pi^2/6 but for the harmonics left out
+    X = np.zeros((1, 2 * top + 1))
+    X[0, 1::2] = 1.0 / np.arange(1, top + 1) ** 2
+    system = mb.MechanicalSystem([[1.0]], None, [[1.0]])
+    motion = mb.harmonic_balance(system, force=[0.1], omega=0.37, harmonics=3).replaced(X=X)
+    sizes, plain = [], np.exp
+
+    def counted(x, *args, **kwargs):
+        sizes.append(np.size(x))
+        return plain(x, *args, **kwargs)
+
+    monkeypatch.setattr(np, "exp", counted)
+    found = motion.largest()
+    assert 0 < sum(sizes) <= 32 * (top + 1), sizes
+    assert found == pytest.approx(np.sum(X[0, 1::2]), rel=1e-12)
+
+
 def test_tables_show_what_is_driven_or_touched():
     """Of many coordinates those with a force or a nonlinear element, whatever the others do."""
     n = 60

@@ -1,4 +1,4 @@
-"""Explicit Runge-Kutta of order eight on tree increments, as in ``rust/src/analysis/transient/explicit8.rs``: of all tree
+"""Explicit Runge-Kutta of order eight on tree increments, as in ``rust/src/integrate/explicit8.rs``: of all tree
 coordinates, or of independent ones:
 
     y" from [M J^T; J 0] [v'; lam] = [-h; -J' v - Phi_tt]

@@ -6,7 +6,7 @@
 
 in tree coordinates; the product is that of three rotations that act together. After a step rates are aligned with the
 rows and accelerations made anew, while a and v' of the equations above go on from step to step, as in
-``rust/src/analysis/transient/generalized_alpha.rs``.
+``rust/src/integrate/generalized_alpha.rs``.
 """
 
 from __future__ import annotations

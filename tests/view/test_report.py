@@ -133,9 +133,35 @@ def test_progress_is_silent_without_a_terminal(monkeypatch: pytest.MonkeyPatch) 
 
 def test_progress_updates_one_line_and_clears_it(monkeypatch: pytest.MonkeyPatch) -> None:
     text = _progress(monkeypatch, "1", 50, 0.25)
-    assert "\n" not in text
     assert "frequencies    8 % (4/50), 12 s left  3 Hz" in text
-    assert text.endswith("\r") and text.rsplit("\r", 2)[-2].strip() == ""
+    assert _screen(text) == ""
+    assert _screen(text[: text.index("Hz", text.index("92 %")) + 2]) == "frequencies   92 % (46/50), 1 s left  45 Hz"
+
+
+def test_progress_is_cut_at_the_width_of_the_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("MBRS_PROGRESS", "1")
+    monkeypatch.setenv("COLUMNS", "40")
+    clock, stream = _Clock(), io.StringIO()
+    with Progress("frequencies", 10, stream=stream, clock=clock) as progress:
+        for _ in range(4):
+            clock.now += 0.7
+            progress.advance(note="a note that is longer than what is left of the line")
+        text = stream.getvalue()
+    assert len(_screen(text)) == 40 and _screen(text).endswith("…")
+    assert _screen(stream.getvalue()) == ""
+
+
+def _screen(text: str) -> str:
+    """What a terminal shows after these characters: one line, returns and the codes that erase it."""
+    line = ""
+    for part in re.findall(r"\x1b\[\?25[lh]|\x1b\[\d*[A-Za-z]|\r|\n|[^\x1b\r\n]+", text):
+        if part == "\r":
+            continue
+        if part in ("\x1b[2K",):
+            line = ""
+        elif not part.startswith("\x1b") and part != "\n":
+            line = part
+    return line
 
 
 def test_progress_survives_a_closed_stream(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -243,7 +269,7 @@ def test_a_call_that_cannot_count_shows_its_time(monkeypatch: pytest.MonkeyPatch
         while "lowest modes" not in stream.getvalue() and time.monotonic() < deadline:
             time.sleep(0.001)
         ticker = progress._ticker
-    assert "lowest modes  0 s" in stream.getvalue() and stream.getvalue().endswith("\r")
+    assert "lowest modes  0 s" in stream.getvalue() and _screen(stream.getvalue()) == ""
     assert ticker is not None and not ticker.is_alive()
     monkeypatch.setenv("MBRS_PROGRESS", "0")
     with Elapsed("lowest modes", stream=stream) as progress:

@@ -22,6 +22,7 @@ for v in speeds:
     square = (mass * g * r - C * (C + mass * r * r) * (v / r) ** 2 / A) / (A + mass * r * r)
     assert abs(growth[-1] - np.sqrt(max(square, 0))) < 1e-5
 plt.plot(speeds, growth, "o-")
-plt.axvline(limit, color="k", ls=":")
+plt.axvline(limit, color="k", ls=":", label="upright above this speed")
+plt.legend()
 plt.xlabel("speed [m/s]")
 picture = plt.ylabel("growth [1/s]")

@@ -21,6 +21,7 @@ z = traj.position("ball")[:, 2]
 print("height after one, two and three bounces:", z[[100, 200, 300]])
 assert np.max(np.abs(z[[100, 200, 300]])) < 1e-5
 plt.plot(traj.t, z)
-plt.axhline(-height, color="k", ls=":")
+plt.axhline(-height, color="k", ls=":", label="stop")
+plt.legend(loc="upper right")
 plt.xlabel("t [s]")
 picture = plt.ylabel("height [m]")

@@ -19,6 +19,7 @@ w = np.einsum("tji,tj->ti", traj.rotation("racket"), traj.angular_velocity("rack
 momentum = np.einsum("tij,tj->ti", traj.rotation("racket"), inertia * w)
 energy = 0.5 * w**2 @ inertia
 assert np.ptp(energy) < 1e-9 * energy[0] and np.max(np.abs(momentum - momentum[0])) < 1e-8
-plt.plot(traj.t, w)
+plt.plot(traj.t, w, label=["x, least inertia", "y", "z"])
+plt.legend()
 plt.xlabel("t [s]")
 picture = plt.ylabel("angular velocity in body axes [rad/s]")

@@ -61,6 +61,11 @@ def names(name: str, value: Any) -> tuple[str, ...]:
     return tuple(value)
 
 
+def one_or_names(name: str, value: Any) -> tuple[str, ...]:
+    """A name, or a sequence of names."""
+    return (value,) if isinstance(value, str) else names(name, value)
+
+
 def real_array(name: str, value: Any) -> np.ndarray:
     """An array of finite real numbers, of any shape."""
     array = complex_array(name, value)

@@ -4,22 +4,28 @@ from __future__ import annotations
 
 import os
 import tempfile
+from collections.abc import Callable
 from pathlib import Path
+from typing import BinaryIO
 
 __all__ = ["write_atomic"]
 
 
-def write_atomic(path: str | Path, data: bytes) -> Path:
+def write_atomic(path: str | Path, data: bytes | Callable[[BinaryIO], None]) -> Path:
     """Write a file so that at every instant the old one or the whole new one is there.
 
-    The bytes go to a temporary file in the same folder, are flushed to the disk, and take the name at once. A link of that name
-    is replaced by the file; what it pointed to stays as it is. Permissions of an old file are kept. Raises `OSError`.
+    The bytes, or what a function writes that should not be in memory twice, go to a temporary file in the same folder, are flushed to
+    the disk, and take the name at once. A link of that name is replaced by the file; what it pointed to stays as it is. Permissions of
+    an old file are kept. Raises `OSError`.
     """
     path = Path(path)
     descriptor, name = tempfile.mkstemp(prefix=f".{path.name[:100]}.", suffix=".tmp", dir=path.parent)
     try:
         with os.fdopen(descriptor, "wb") as file:
-            file.write(data)
+            if callable(data):
+                data(file)
+            else:
+                file.write(data)
             file.flush()
             os.fsync(file.fileno())
         os.chmod(name, _mode_of(path))

@@ -1,4 +1,4 @@
-"""One updating line on standard error for work that takes longer than a second."""
+"""One updating line on standard error, drawn by rich, for work that takes longer than a second."""
 
 from __future__ import annotations
 
@@ -7,9 +7,12 @@ import sys
 import threading
 import time
 from collections.abc import Callable
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import AbstractContextManager, nullcontext, suppress
 from types import TracebackType
-from typing import Any, TextIO
+from typing import TYPE_CHECKING, Any, TextIO
+
+if TYPE_CHECKING:
+    from rich.live import Live
 
 _QUIET_FOR = 1.0
 _EVERY = 0.1
@@ -59,7 +62,7 @@ class Progress:
         self._clock = clock
         self._start = clock()
         self._last = -float("inf")
-        self._width = 0
+        self._live: Live | None = None
         self._enabled = _wanted(self._stream) if always is None else always
         self._quiet = 0.0 if always else _QUIET_FOR
 
@@ -86,14 +89,14 @@ class Progress:
         now = self._clock()
         if now - self._start >= self._quiet and now - self._last >= _EVERY:
             self._last = now
-            self._write(self._line(now - self._start, note))
+            self._show(self._line(now - self._start, note))
 
     def __exit__(
         self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
     ) -> None:
-        if self._width:
-            self._write("")
-            self._put("\r")
+        if self._live is not None:
+            with suppress(OSError, ValueError):
+                self._live.stop()
 
     def _line(self, elapsed: float, note: str) -> str:
         if self.total:
@@ -105,15 +108,22 @@ class Progress:
             text = f"{self.label}  {self.done}, {_duration(elapsed)}"
         return text + (f"  {note}" if note else "")
 
-    def _write(self, text: str) -> None:
-        self._put("\r" + text.ljust(self._width))
-        self._width = len(text)
+    def _show(self, line: str) -> None:
+        """The line, cut at the width of the terminal; rich takes it away at the end."""
+        from rich.console import Console
+        from rich.live import Live
+        from rich.text import Text
 
-    def _put(self, text: str) -> None:
+        text = Text(line, no_wrap=True, overflow="ellipsis")
         try:
-            self._stream.write(text)
-            self._stream.flush()
-        except (OSError, ValueError):
+            if self._live is None:
+                where = Console(file=self._stream, force_terminal=True, force_jupyter=False)
+                self._live = Live(
+                    console=where, transient=True, auto_refresh=False, redirect_stdout=False, redirect_stderr=False
+                )
+                self._live.start()
+            self._live.update(text, refresh=True)
+        except (OSError, ValueError):  # the stream is gone
             self._enabled = False
 
 

@@ -28,7 +28,8 @@ HOMES: Mapping[str, str] = {
     **dict.fromkeys(("EffectStudy", "EffectRow"), "studies.effects"),
     **dict.fromkeys(("AccuracyStudy", "StudyPoint", "Recommendation"), "studies.accuracy"),
     **dict.fromkeys(("MotionGradient", "MotionSensitivity"), "gradients.motion_gradient"),
-    **dict.fromkeys(("Trajectory", "Energy"), "motion.trajectory"),
+    "Trajectory": "motion.trajectory",
+    "Energy": "motion.energy",
     **dict.fromkeys(("FrequencyResponse", "Part"), "nonlinear.response_curve"),
     **dict.fromkeys(("ParameterResponse", "OfModel"), "nonlinear.parameter_response"),
     "Branch": "nonlinear.branch",
@@ -79,6 +80,8 @@ HOMES: Mapping[str, str] = {
     "MechanicalSystem": "linear.matrices",
     "NonlinearSystem": "nonlinear.system",
     "State": "system.state",
+    "Orbit": "system.state",
+    "Periodic": "linear.floquet",
     "Port": "model.ports",
     "Directions": "model.tables",
 }

@@ -14,7 +14,7 @@ import numpy as np
 
 from ..errors import ModelError
 
-__all__ = ["Block", "html_table", "number", "si", "table", "without_rounding"]
+__all__ = ["Block", "counted", "html_table", "number", "si", "table", "without_rounding"]
 
 # Part of the scale of a table below which a number is rounding: some dozen operations. Larger, small answers print as 0;
 # smaller, rounding prints as numbers (tests/view/test_report.py).
@@ -78,6 +78,24 @@ def _array(value: np.ndarray, digits: int) -> str:
     if value.size > 8:
         return f"array {' x '.join(str(n) for n in value.shape)}"
     return "[" + ", ".join(number(one, digits) for one in value.tolist()) + "]"
+
+
+def counted(n: int, what: str) -> str:
+    """A number of things: ``counted(1, "mode")`` is ``1 mode``.
+
+    Examples
+    --------
+    >>> counted(1, "body"), counted(3, "body"), counted(0, "spring or damper")
+    ('1 body', '3 bodies', '0 springs or dampers')
+    """
+    if n == 1:
+        return f"1 {what}"
+    first, *rest = what.split(" or ")
+    ends = [
+        one.removesuffix("y") + "ies" if one.endswith("ody") or one.endswith("ency") else f"{one}s"
+        for one in (first, *rest)
+    ]
+    return f"{n} {' or '.join(ends)}"
 
 
 def si(value: float, unit: str, digits: int = 4) -> str:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import io
 import json
 import pickle
 import re
@@ -13,7 +12,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, BinaryIO, Protocol
 
 import numpy as np
 
@@ -230,6 +229,30 @@ def run(task: Task, stop: Callable[[], bool] = _never, tick: Callable[[int], Non
     return Chunk(task.first, task.values[:n], status, seconds, made.failures, made.columns(), stopped)
 
 
+class _Filling:
+    """A column that grows by blocks of rows, in an array for all ``most`` rows: what is not filled takes no memory yet."""
+
+    def __init__(self, most: int) -> None:
+        self._most, self._used, self._count = most, 0, 0
+        self._flat = np.empty(0)
+        self._rows: list[np.ndarray] = []
+        self._shapes: list[np.ndarray] = []
+
+    def add(self, rows: np.ndarray, shapes: np.ndarray, flat: np.ndarray) -> None:
+        end, count = self._used + len(flat), self._count + len(rows)
+        if end > len(self._flat):
+            room = np.empty(max(end, -(-end * self._most // count)), dtype=flat.dtype)
+            room[: self._used] = self._flat[: self._used]
+            self._flat = room
+        self._flat[self._used : end] = flat
+        self._used, self._count = end, count
+        self._rows.append(rows)
+        self._shapes.append(shapes)
+
+    def column(self) -> Column:
+        return Column(np.concatenate(self._rows), np.concatenate(self._shapes), self._flat[: self._used])
+
+
 class _Results:
     """Results of the first designs of a task, as they come."""
 
@@ -240,7 +263,7 @@ class _Results:
         self.failures: list[Failure] = []
         # outputs by Python, design by design, and by the core
         self._rows: list[tuple[int, dict[str, np.ndarray]]] = []
-        self._parts: dict[str, list[Column]] = {}
+        self._blocks: dict[str, _Filling] = {}
         self._pattern = _pattern(task)
         # None until the first remark: is it an error (by a filter of warnings)?
         self._remark_fails: bool | None = None
@@ -248,8 +271,8 @@ class _Results:
     def columns(self) -> dict[str, Column]:
         """All outputs, each by its rows."""
         found = {name: [column] for name, column in columns_of(self._rows).items()}
-        for name in list(self._parts):
-            found.setdefault(name, []).extend(self._parts.pop(name))
+        for name in list(self._blocks):
+            found.setdefault(name, []).append(self._blocks.pop(name).column())
         return {name: _joined(found.pop(name)) for name in list(found)}
 
     def single(self) -> None:
@@ -292,7 +315,7 @@ class _Results:
         rows = np.arange(len(self.status), len(self.status) + end - start)
         for output, shapes, flat in made.part(start, end):
             key = f"{'c' if output.is_complex else 'f'}:{output.name}"
-            self._parts.setdefault(key, []).append(Column(rows, shapes, flat))
+            self._blocks.setdefault(key, _Filling(len(self._task.values))).add(rows, shapes, flat)
         self._finish([DONE] * (end - start), made.seconds[start:end].tolist())
 
     def _fails(self, i: int) -> bool:
@@ -398,8 +421,8 @@ def _joined(parts: list[Column]) -> Column:
     return Column(whole.rows[order], whole.shapes[order], flat)
 
 
-def packed(chunk: Chunk) -> bytes:
-    """The chunk as a NumPy archive without objects."""
+def pack(chunk: Chunk, file: BinaryIO) -> None:
+    """Write the chunk as a NumPy archive without objects."""
     names = list(chunk.columns)
     head = {
         "first": chunk.first,
@@ -410,15 +433,13 @@ def packed(chunk: Chunk) -> bytes:
     arrays["head"] = np.frombuffer(json.dumps(head).encode(), dtype=np.uint8)
     for j, column in enumerate(chunk.columns.values()):
         arrays |= {f"rows{j}": column.rows, f"shapes{j}": column.shapes, f"flat{j}": column.flat}
-    buffer = io.BytesIO()
-    np.savez(buffer, **arrays)
-    return buffer.getvalue()
+    np.savez(file, **arrays)
 
 
-def unpacked(data: bytes) -> Chunk:
+def unpacked(file: BinaryIO) -> Chunk:
     """The chunk of an archive; `ModelError` where it is damaged."""
     try:
-        with np.load(io.BytesIO(data), allow_pickle=False) as arrays:
+        with np.load(file, allow_pickle=False) as arrays:
             head = json.loads(bytes(arrays["head"]))
             columns = {
                 name: Column(arrays[f"rows{j}"], arrays[f"shapes{j}"], arrays[f"flat{j}"])

@@ -99,7 +99,8 @@ class FastPlan:
         """The next designs of ``values``: as many as take a moment."""
         start = time.perf_counter()
         with core_errors():
-            r = self._plan.compute(np.ascontiguousarray(values[: self._size]), threads)
+            # rows that a cluster has sent may begin at any byte
+            r = self._plan.compute(np.require(values[: self._size], requirements=["C", "A"]), threads)
         one = (time.perf_counter() - start) / len(r["count"])
         self._size = max(threads, min(4 * self._size, int(_BLOCK / max(one, 1e-9))))
         return Block(r["count"] >= 0, r["seconds"], r["remark"], r["count"], r["arrays"], self._outputs)

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from .._lib.checks import shown
+from .._lib.text import counted
 from ..errors import ModelError
 from ..linear.correlation import computed_frf, correlate
 from ..results import Result, derived, quantity, result
@@ -151,7 +152,8 @@ class Update(Result):
         return np.column_stack([self.x - reach, self.x + reach])
 
     def heading(self) -> str:
-        return f"update of {len(self.labels)} parameters by {', '.join(self.evidence.kinds)}: {self.status}, misfit {self.misfit:.3g}"
+        what = counted(len(self.labels), "parameter")
+        return f"update of {what} by {', '.join(self.evidence.kinds)}: {self.status}, misfit {self.misfit:.3g}"
 
     def rows(self) -> tuple[list[str], list[list[Any]]]:
         """Columns and rows of the table: the parameters."""

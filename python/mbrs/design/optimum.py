@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from .._lib.text import unit_note
+from .._lib.text import counted, unit_note
 from ..results import Result, derived, quantity, result
 
 if TYPE_CHECKING:
@@ -62,7 +62,7 @@ class Optimum(Result):
         return {**super().attributes(), "value": self.value, "message": self.message}
 
     def heading(self) -> str:
-        return f"objective {self.value:.6g} after {len(self.history)} evaluations: {self.status} ({self.message})"
+        return f"objective {self.value:.6g} after {counted(len(self.history), 'evaluation')}: {self.status} ({self.message})"
 
     def rows(self) -> tuple[list[str], list[list[Any]]]:
         """Columns and rows of the table: the parameters."""

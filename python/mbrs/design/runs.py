@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from .._lib.checks import choice, count, real_array, shown
+from .._lib.text import counted
 from ..errors import ModelError, NameNotFoundError
 from ..results import Result, quantity, result
 from .chunk import DONE, FAILED, STATUS, Chunk, Failure, checked, columns_of
@@ -50,7 +51,7 @@ class Failures(Result):
         return len(self.design)
 
     def heading(self) -> str:
-        return f"{len(self)} failed designs" if len(self) else "no design failed"
+        return counted(len(self), "failed design") if len(self) else "no design failed"
 
     def kinds(self) -> dict[tuple[str, str, str], np.ndarray]:
         """Designs by reason, error class and object, the most frequent first."""
@@ -193,7 +194,7 @@ class Runs(Result):
         ]
         if np.any(self.codes == WAITING):
             parts.append(f"{int(np.sum(self.codes == WAITING))} waiting")
-        return f"{len(self)} designs: " + (", ".join(parts) or "none") + f" ({self.status})"
+        return f"{counted(len(self), 'design')}: " + (", ".join(parts) or "none") + f" ({self.status})"
 
     def rows(self) -> tuple[list[str], list[list[Any]]]:
         """Columns and rows of the table that is printed: range and moments of each real output, entry by entry."""

@@ -140,9 +140,9 @@ class Session:
 
                 def keep(chunk: Chunk) -> None:
                     self.chunks.append(chunk)
+                    self._whole.take(chunk)  # which frees its own arrays
                     if store is not None:
                         store.write(chunk)
-                    self._whole.take(chunk)
                     shown.keep(chunk)
 
                 keeper = Keeper(

@@ -18,6 +18,7 @@ import sys
 import threading
 import warnings
 from collections.abc import Iterator, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any, TextIO
 
@@ -26,7 +27,7 @@ import numpy as np
 from .._lib.checks import shown
 from .._lib.files import write_atomic
 from ..errors import MbrsWarning, ModelError, StoreError
-from .chunk import Chunk, packed, unpacked
+from .chunk import Chunk, pack, unpacked
 from .sources import digest
 from .table import Designs, fingerprint
 
@@ -127,7 +128,8 @@ class Store:
         """A chunk; None, with a warning, where its file is damaged, so that it is computed again."""
         path = self.folder / _name(first, n)
         try:
-            chunk = unpacked(path.read_bytes())
+            with path.open("rb") as file:
+                chunk = unpacked(file)
             if (chunk.first, len(chunk)) != (first, n) or chunk.values.shape != (n, self._values.shape[1]):
                 raise ModelError("the file of a chunk holds other designs than its name says")
             return chunk
@@ -139,7 +141,7 @@ class Store:
     def write(self, chunk: Chunk) -> None:
         """Keep a chunk: the file is there, whole, when this returns."""
         try:
-            write_atomic(self.folder / _name(chunk.first, len(chunk)), packed(chunk))
+            write_atomic(self.folder / _name(chunk.first, len(chunk)), partial(pack, chunk))
         except OSError as reason:
             raise StoreError(
                 f"cannot write designs {chunk.first} to {chunk.end - 1} into {self.folder}: {reason.strerror or reason}; the "

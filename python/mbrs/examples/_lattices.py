@@ -120,7 +120,7 @@ def chain(
     --------
     >>> import mbrs as mb
     >>> mb.examples.chain(3)
-    Model('chain': 3 bodies, 3 joints, 3 elements, 0 loads, 0 parameters)
+    Model('chain': 3 bodies, 3 joints, 3 springs or dampers, 0 loads, 0 parameters)
     """
     build = _Builder("chain", joint, springs, options)
     if along not in ("x", "z"):

@@ -43,7 +43,7 @@ def whole_rotor(
     >>> import mbrs as mb
     >>> m = mb.examples.whole_rotor()
     >>> m
-    Model('wind rotor in one body': 3 bodies, 3 joints, 0 elements, 0 loads, 0 parameters)
+    Model('wind rotor in one body': 3 bodies, 3 joints, 0 springs or dampers, 0 loads, 0 parameters)
     """
     m = Model("wind rotor in one body", gravity=None if gravity is None else (0.0, 0.0, -gravity))
     shaft, bearing, centre, frame = add_nacelle(m, speed, scale)

@@ -77,7 +77,7 @@ def wind_rotor(
     --------
     >>> import mbrs as mb
     >>> mb.examples.wind_rotor(modes=2)
-    Model('wind rotor': 6 bodies, 6 joints, 0 elements, 0 loads, 0 parameters)
+    Model('wind rotor': 6 bodies, 6 joints, 0 springs or dampers, 0 loads, 0 parameters)
     """
     m = Model("wind rotor", gravity=None if gravity is None else (0.0, 0.0, -gravity))
     shaft, bearing, centre, frame = add_nacelle(m, speed, scale)
@@ -151,13 +151,15 @@ def wind_blade(modes: int = 4, scale: float = 1.0) -> ModalBody:
     )
 
 
-def wind_rotor_blades(sections: int = 16) -> list[Any]:
+def wind_rotor_blades(sections: int = 16, scale: float = 1.0) -> list[Any]:
     """The blades of `wind_rotor` as air sees them, for `Model.aerodynamics`: chord and sections invented, of the size of a 1.5 MW blade.
 
     Parameters
     ----------
     sections
         Strips of each blade.
+    scale
+        Of all lengths, as that of `wind_rotor`.
 
     Returns
     -------
@@ -183,8 +185,8 @@ def wind_rotor_blades(sections: int = 16) -> list[Any]:
     at = np.array(CHORD_AT)
     twist = np.interp(at - HUB_RADIUS, data.station, data.twist)
     thickness = np.interp(at, [at[0], 9.5, 20.0, at[-1]], [0.45, 0.32, 0.22, 0.18])
-    given: dict[str, Any] = {"thickness": thickness, "root": HUB_RADIUS, "sections": sections}
-    return [blade(at, CHORD, twist, [thin, thick], body=name, **given) for name in BLADES]
+    given: dict[str, Any] = {"thickness": thickness, "root": scale * HUB_RADIUS, "sections": sections}
+    return [blade(scale * at, scale * np.array(CHORD), twist, [thin, thick], body=name, **given) for name in BLADES]
 
 
 def blade_axes(angle: float) -> np.ndarray:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Unpack
 import numpy as np
 
 from .._lib.checks import complex_array, shown
+from .._lib.text import counted
 from ..errors import MbrsWarning, ModelError
 from ..results import Result, Stats, quantity, result
 from .frf import FrfResult, frf
@@ -216,7 +217,7 @@ class Correlation(Result):
 
     def heading(self) -> str:
         found = int(np.sum(self.partner >= 0))
-        functions = "" if self.frac is None else f", {self.frac.size} functions"
+        functions = "" if self.frac is None else f", {counted(self.frac.size, 'function')}"
         return f"test and computation: {found} of {len(self.frequency)} modes paired{functions}"
 
     def rows(self) -> tuple[list[str], list[list[Any]]]:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from .._lib.border import core_errors
-from .._lib.text import without_rounding
+from .._lib.text import counted, without_rounding
 from ..errors import ModelError
 from ..results import Result, Stats, derived, quantity, result
 from .linear_system import relaxes
@@ -67,7 +67,7 @@ class DirectionalDerivative(Result):
         return np.arange(1, len(self.frequency) + 1)
 
     def heading(self) -> str:
-        return f"derivatives of {len(self.frequency)} modes along one change of the parameters"
+        return f"derivatives of {counted(len(self.frequency), 'mode')} along one change of the parameters"
 
     def plot(self, *, ax: Axes | None = None) -> Figure:
         """Change of each natural frequency as bars; returns the figure."""
@@ -235,7 +235,7 @@ class EigenSensitivity(Result):
         return ["mode", "f_n [Hz]", *heads], rows
 
     def heading(self) -> str:
-        return f"sensitivity of {len(self.flat)} modes to {self.flat.shape[1]} parameters, {self.status}"
+        return f"sensitivity of {counted(len(self.flat), 'mode')} to {counted(self.flat.shape[1], 'parameter')}, {self.status}"
 
     def notes(self) -> list[str]:
         notes = []

@@ -13,7 +13,7 @@ import numpy as np
 from .. import _core
 from .._lib.border import core_errors
 from .._lib.progress import call_progress
-from .._lib.text import Block, without_rounding
+from .._lib.text import Block, counted, without_rounding
 from ..errors import ConvergenceError, MbrsWarning
 from ..model.schema import BODY
 from ..results import Result, Stats, derived, quantity, result
@@ -112,7 +112,7 @@ class Equilibrium(StateResult, Result):
     def heading(self) -> str:
         how = "stable" if self.stable else "UNSTABLE"
         return (
-            f"equilibrium of {self.model.name!r}: {self.status}, {how}, {self.iterations} iterations, "
+            f"equilibrium of {self.model.name!r}: {self.status}, {how}, {counted(self.iterations, 'iteration')}, "
             f"residual {self.residual:.1e}, error {self.error:.1e}"
         )
 

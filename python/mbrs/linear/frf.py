@@ -13,6 +13,7 @@ import numpy as np
 from .. import _core
 from .._lib.border import core_errors
 from .._lib.progress import call_progress
+from .._lib.text import counted
 from ..errors import MbrsWarning, ModelError
 from ..results import Result, Stats, added_counts, quantity, result
 from .linear_system import LinearSystem, Origin, csc_arrays, dense, reduction_of, relaxes
@@ -79,7 +80,9 @@ class FrfResult(Result):
     def heading(self) -> str:
         n_out, n_in, n_freq = self.value.shape
         span = f", {self.frequency.min():.6g} to {self.frequency.max():.6g} Hz" if n_freq else ""
-        return f"{self.kind}: {n_out} outputs x {n_in} inputs x {n_freq} frequencies{span}"
+        return (
+            f"{self.kind}: {counted(n_out, 'output')} x {counted(n_in, 'input')} x {counted(n_freq, 'frequency')}{span}"
+        )
 
     def attributes(self) -> dict[str, Any]:
         return {**super().attributes(), "kind": self.kind}
@@ -127,7 +130,7 @@ class FrfSensitivity(Result):
     axes: ClassVar[Mapping[str, str]] = {"output": "outputs", "input": "inputs", "parameter": "labels"}
 
     def heading(self) -> str:
-        return f"d {self.kind} / d p at {self.frequency.size} frequencies"
+        return f"d {self.kind} / d p at {counted(self.frequency.size, 'frequency')}"
 
     def rows(self) -> tuple[list[str], list[list[Any]]]:
         """Columns and rows of the table: the largest derivative by each parameter."""

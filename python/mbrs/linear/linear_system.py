@@ -21,6 +21,13 @@ _DENSE_LIMIT = 3000
 _SPARSE_FROM = 400
 
 
+def check_matrix_effects(without: Sequence[str]) -> None:
+    """Raise unless these are effects that matrices alone can be without."""
+    for name in without:
+        if name not in EFFECT_OF.values():
+            raise ModelError(f"without={name!r}: the effects of a MechanicalSystem are {', '.join(EFFECT_OF.values())}")
+
+
 @dataclass(frozen=True, eq=False)
 class LinearSystem:
     """M y" + D y' + S y = F u, outputs L y + D0 u; an input may enter through its derivative of order ``order_in``.
@@ -199,12 +206,13 @@ def csc_arrays(a: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return made.indptr.astype(np.int64), made.indices.astype(np.int64), made.data.astype(float)
 
 
-_reductions: OrderedDict[bytes, _core.FrfReduction] = OrderedDict()
-_KEPT = 4
+# Reductions of the last systems, bounded by the numbers that they hold: larger ones are made again when they are asked for again.
+_reductions: OrderedDict[bytes, tuple[_core.FrfReduction, int]] = OrderedDict()
+_KEPT_NUMBERS = 8_000_000
 
 
 def reduction_of(M: np.ndarray, D: np.ndarray | None, S: np.ndarray) -> tuple[_core.FrfReduction, bool]:
-    """Reductions are kept by the contents of the matrices: a second call with other frequencies or ports is cheap."""
+    """Reductions are kept by the contents of the matrices, up to 64 MB: a second call with other frequencies or ports is cheap."""
     digest = hashlib.blake2b(digest_size=16)
     for a in (M, D, S):
         digest.update(b"none" if a is None else np.ascontiguousarray(a).data)
@@ -213,11 +221,11 @@ def reduction_of(M: np.ndarray, D: np.ndarray | None, S: np.ndarray) -> tuple[_c
     known = _reductions.get(key)
     if known is not None:
         _reductions.move_to_end(key)
-        return known, False
+        return known[0], False
     with core_errors():
         made = _core.FrfReduction(M, D, S)
-    _reductions[key] = made
-    while len(_reductions) > _KEPT:
+    _reductions[key] = made, 4 * M.size  # eigenvectors on both sides or Hessenberg form and basis, complex
+    while sum(numbers for _, numbers in _reductions.values()) > _KEPT_NUMBERS:
         _reductions.popitem(last=False)
     return made, True
 

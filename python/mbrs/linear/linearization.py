@@ -23,6 +23,7 @@ from ..system.state import State
 from ..view.scene import SceneGeometry
 from .constraint_maps import cut_map, open_map
 from .first_order import StateSpace, first_order
+from .floquet import Periodic
 from .inertia import mass_matrices, mass_matrix_at
 from .linear_system import EFFECT_OF, assembled
 from .strains import Strains, strains_at
@@ -53,6 +54,8 @@ class Linearization(Result):
         (n_modal, dof): modal coordinates of the flexible bodies.
     residual
         (dof,) generalised force that is not in balance; zero at an equilibrium.
+    over_turn
+        M, D = C + G and S = K + N at the azimuths of a turn, whose means are M, C, G, K, N (`mb.steady_motion`, ``average``); or None.
     error
         The unbalanced part of the forces, the largest of all coordinates, each over the forces on the bodies that it is connected with;
         what a linearisation off equilibrium leaves out.
@@ -73,6 +76,7 @@ class Linearization(Result):
     without: tuple[str, ...]
     snapshot: Snapshot
     modal_map: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
+    over_turn: Periodic | None = None
 
     row: ClassVar[str] = "coordinate"
     axes: ClassVar[Mapping[str, str]] = {"coordinate": "coordinates", "coordinate_": "coordinates", "body": "bodies"}

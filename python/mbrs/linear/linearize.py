@@ -21,6 +21,7 @@ from ..system.snapshot import Snapshot
 from ..system.state import State, state_of
 from .linearization import Linearization
 from .node_loads import check_node_loads
+from .periodic_turn import orbit_matrices
 
 if TYPE_CHECKING:
     from ..system.state import StateLike
@@ -80,6 +81,8 @@ def linearize(m: Model, *, at: StateLike = None, without: Sequence[str] = ()) ->
     without = check_without(without)
     snapshot = Snapshot.of(m, without)
     state = state_of(m, snapshot.system, at)
+    if state.orbit is not None:
+        return averaged(snapshot, state, without, start)
     r = matrices_at(snapshot, state, without)
     if not state.moving:  # forces of a motion are those of its accelerations, which a linearisation does not know
         check_node_loads(snapshot, r["node_forces"])
@@ -93,6 +96,23 @@ def matrices_at(snapshot: Snapshot, state: State, without: Sequence[str]) -> dic
             state.q, state.rate, list(without), state.memory.tolist(), state.acceleration.tolist(), state.turn
         )
     return found
+
+
+def averaged(snapshot: Snapshot, state: State, without: tuple[str, ...], start: float) -> Linearization:
+    """The linearisation at the beginning of a periodic motion with the means of its matrices over the turn."""
+    assert state.orbit is not None
+    found = linearization_at(snapshot, state, matrices_at(snapshot, state, without), without, start, warn=False)
+    turn = orbit_matrices(snapshot, state.orbit, without, found.coordinates)
+    M, D, S = turn.mean
+    parts = {
+        "M": 0.5 * (M + M.T),
+        "C": 0.5 * (D + D.T),
+        "G": 0.5 * (D - D.T),
+        "K": 0.5 * (S + S.T),
+        "N": 0.5 * (S - S.T),
+    }
+    kept = {name: part if name in "MK" or np.any(part) else None for name, part in parts.items()}
+    return found.replaced(**kept, residual=np.zeros(found.n), over_turn=turn)
 
 
 def linearization_at(

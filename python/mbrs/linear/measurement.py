@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
+from .._lib.text import counted
 from ..errors import ModelError
 from ..results import Result, Stats, derived, quantity, result
 from .frf import FrfResult
@@ -155,7 +156,8 @@ class Measurement(Result):
         )
 
     def heading(self) -> str:
-        return f"{self.source or 'measurement'}: {len(self.functions)} functions, {len(self.eigenvalue)} modes, {len(self.node)} nodes"
+        parts = ((len(self.functions), "function"), (len(self.eigenvalue), "mode"), (len(self.node), "node"))
+        return f"{self.source or 'measurement'}: {', '.join(counted(*part) for part in parts)}"
 
     def notes(self) -> list[str]:
         kinds: dict[str, int] = {}

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from .. import _core
-from .._lib.text import number, without_rounding
+from .._lib.text import counted, number, without_rounding
 from ..errors import NameNotFoundError, RouteError
 from ..model.names import index
 from ..results import FIXED_LABELS, Result, Stats, added_counts, derived, quantity, result
@@ -246,12 +246,13 @@ class ModalResult(Result):
 
     def heading(self) -> str:
         dof = len(self.coordinates)
-        of = "" if self.n == dof else f" of {dof}"
-        return f"{self.n}{of} modes, {self.stats.route}, {self.status}"
+        found = f"{self.n} of {dof} modes" if self.n != dof else counted(self.n, "mode")
+        return f"{found}, {self.stats.route}, {self.status}"
 
     def notes(self) -> list[str]:
         notes = []
-        if self.stats.route not in ("undamped", "proportional") or np.any(self.kind == "overdamped"):
+        proportional = any(word in self.stats.route for word in ("undamped", "proportional"))
+        if not proportional or np.any(self.kind == "overdamped"):
             notes.append("f_n = |s|/2pi is the undamped natural frequency only for underdamped proportional damping.")
         if np.any(self.near_defective):
             notes.append("* near-defective: two roots almost meet (critical damping).")

@@ -13,10 +13,12 @@ import numpy as np
 
 from .. import _core
 from .._lib.border import core_errors
+from .._lib.checks import one_or_names
 from .._lib.progress import call_progress
 from ..errors import ConvergenceError, ModelError, SingularError
 from ..model.book import Book
 from ..model.schema import LAW_OF_CODE
+from .linear_system import EFFECT_OF, check_matrix_effects
 from .linearization import Linearization
 from .linearize import second_order_of
 from .matrices import MechanicalSystem
@@ -28,8 +30,6 @@ from .stiffness_factor import stiffness_factor
 if TYPE_CHECKING:
     from ..system.state import StateLike
     from .aliases import Linear, Matrix
-
-_MATRIX_EFFECTS = {"damping": "C", "gyroscopic": "G", "circulatory": "N"}
 
 
 def modes(
@@ -93,8 +93,7 @@ def modes(
     [1.0, 1.732051]
     """
     start = time.perf_counter()
-    if isinstance(without, str):
-        without = (without,)
+    without = one_or_names("without", without)
     shift = _shift(shift, n)
     if _is_large_model(m, n) and not _has_state_rates(m):
         if stiffness_factor is not None:
@@ -115,15 +114,12 @@ def _second_order(m: Any, at: Any, without: tuple[str, ...]) -> tuple[Any, tuple
         return system, tuple(getattr(system, "effects", ()))
     if at is not None:
         raise ModelError("at= is the state to linearise a model at; a MechanicalSystem is linear already, leave it out")
-    for name in without:
-        if name not in _MATRIX_EFFECTS:
-            known = ", ".join(_MATRIX_EFFECTS)
-            raise ModelError(f"without={name!r}: the effects of a MechanicalSystem are {known}")
-    drop = {_MATRIX_EFFECTS[name] for name in without}
+    check_matrix_effects(without)
+    drop = {matrix for matrix, effect in EFFECT_OF.items() if effect in without}
     if drop:
         parts: dict[str, Any] = {a: None if a in drop else getattr(m, a) for a in ("M", "C", "K", "G", "N")}
         m = MechanicalSystem(**parts, elements=m.elements, coordinates=m.coordinates)
-    return m, tuple(name for name, a in _MATRIX_EFFECTS.items() if getattr(m, a) is not None)
+    return m, tuple(effect for matrix, effect in EFFECT_OF.items() if getattr(m, matrix) is not None)
 
 
 def _has_state_rates(m: Any) -> bool:
@@ -208,7 +204,7 @@ def _dense(
         names = tuple(system.coordinates)
         text = re.sub(r"\{coordinate (\d+)\}", lambda hit: f"coordinate {names[int(hit[1])]!r}", str(problem))
         raise SingularError(text) from None
-    r["error"] = r["error"] + _rounding_of_places(system, r)
+    r["error"] = r["error"] + _rounding_of_places(system, r) + _dropped_by_means(system, r)
     if shift is not None and n is not None:
         r = _nearest(r, n, shift)
     return modal_result(system, r, n, effects, start)
@@ -220,6 +216,12 @@ def _rounding_of_places(system: Any, r: dict[str, Any]) -> np.ndarray:
         return np.zeros(len(r["error"]))
     place = np.finfo(float).eps * system.snapshot.system.remoteness(system.state.q)
     return np.where(np.isnan(r["condition"]), 0.0, place * r["condition"])
+
+
+def _dropped_by_means(system: Any, r: dict[str, Any]) -> np.ndarray | float:
+    """Relative change of each root by the parts that matrices averaged over a turn leave out."""
+    turn = system.over_turn if isinstance(system, Linearization) else None
+    return 0.0 if turn is None else turn.left_out(np.asarray(r["eigenvalue"]))
 
 
 def _with_its_masses(

@@ -10,6 +10,7 @@ import numpy as np
 
 from .._lib.checks import real_array, shown
 from .._lib.rotations import quaternion_matrix
+from .._lib.text import counted
 from ..errors import ModelError, NameNotFoundError
 from ..model.ports import Port, as_port
 from ..results import Result, quantity, result
@@ -70,7 +71,7 @@ class Pairing(Result):
     axes: ClassVar[Mapping[str, str]] = {"node": "node"}
 
     def heading(self) -> str:
-        return f"{len(self.node)} nodes paired, {len(self.unpaired)} not"
+        return f"{counted(len(self.node), 'node')} paired, {len(self.unpaired)} not"
 
     def notes(self) -> list[str]:
         return [f"without a point of the model: {', '.join(self.unpaired)}"] if self.unpaired else []

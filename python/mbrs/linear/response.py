@@ -11,7 +11,7 @@ import numpy as np
 
 from .._lib.border import core_errors
 from .._lib.progress import call_progress
-from .._lib.text import number, without_rounding
+from .._lib.text import counted, number, without_rounding
 from ..errors import ModelError
 from ..results import Result, Stats, added_counts, quantity, result
 from .linear_system import LinearSystem, Origin, dense, directions, relaxes
@@ -86,7 +86,7 @@ class ResponseResult(Result):
 
     def heading(self) -> str:
         span = f", {self.t[0]:.6g} to {self.t[-1]:.6g} s" if self.t.size else ""
-        return f"{self.kind} of {len(self.outputs)} outputs, {self.t.size} times{span}"
+        return f"{self.kind} of {counted(len(self.outputs), 'output')}, {counted(self.t.size, 'time')}{span}"
 
     def attributes(self) -> dict[str, Any]:
         return {**super().attributes(), "kind": self.kind}
@@ -124,7 +124,7 @@ class ResponseSensitivity(Result):
     error_dims: ClassVar[tuple[str, ...]] = ("output", "parameter")
 
     def heading(self) -> str:
-        return f"d {self.kind} / d p at {self.t.size} times"
+        return f"d {self.kind} / d p at {counted(self.t.size, 'time')}"
 
     def rows(self) -> tuple[list[str], list[list[Any]]]:
         """Columns and rows of the table: the largest derivative by each parameter."""

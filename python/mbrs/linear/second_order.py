@@ -5,24 +5,20 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+from .._lib.checks import one_or_names
 from ..errors import ModelError
-from .linear_system import EFFECT_OF, LinearSystem, assembled
+from .linear_system import EFFECT_OF, LinearSystem, assembled, check_matrix_effects
 from .linearize import second_order_of
 from .matrices import MechanicalSystem
 
 
 def second_order(m: Any, at: Any, without: Sequence[str]) -> tuple[Any, tuple[str, ...]]:
     """The object that holds M, C, G, K, N, coordinates and maps, and the effects that are on in it."""
-    if isinstance(without, str):
-        raise ModelError(f"without must be a sequence of effect names, such as ({without!r},)")
-    without = tuple(without)
+    without = one_or_names("without", without)
     if isinstance(m, MechanicalSystem):
         if at is not None:
             raise ModelError("at= is for models; a MechanicalSystem has no other state than its matrices")
-        unknown = set(without) - set(EFFECT_OF.values())
-        if unknown:
-            known = ", ".join(sorted(EFFECT_OF.values()))
-            raise ModelError(f"without={sorted(unknown)} is not an effect of a MechanicalSystem; it knows {known}")
+        check_matrix_effects(without)
         system: Any = m
     elif hasattr(m, "input_map"):
         if at is not None or without:

@@ -127,6 +127,8 @@ def model_modes(
     without = check_without(without)
     snapshot = Snapshot.of(model)
     state = state_of(model, snapshot.system, at)
+    if state.orbit is not None:
+        return None
     try:
         with core_errors(), Elapsed(f"lowest {n} modes of {model.name!r}"):
             r = _core.sparse_model_modes(snapshot.system, state.q, state.rate, list(without), n, _sigma(shift))

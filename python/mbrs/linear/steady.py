@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from .._lib.border import core_errors
+from .._lib.checks import count
 from .._lib.rotations import skew
-from .._lib.text import number
+from .._lib.text import counted, number
 from ..errors import ConvergenceError, ModelError, SingularError
 from ..model.names import not_found
 from ..results import Result, Stats, derived, result
@@ -20,7 +21,8 @@ from ..system.snapshot import Snapshot
 from ..system.state import State, state_of
 from .blades import constant_frame
 from .linearization import Linearization
-from .linearize import linearization_at, matrices_at
+from .linearize import averaged, linearization_at, matrices_at
+from .periodic_turn import BALANCED, RESOLVED, PeriodicTurn
 from .spin import Spin, spin_of
 from .state_result import StateResult
 from .turning_frames import STILL_AIR, Frame, sampled
@@ -33,6 +35,7 @@ if TYPE_CHECKING:
     from ..system.state import StateLike
 
 _MAX_ITERATIONS = 60
+_LEAST_AZIMUTHS, _MOST_AZIMUTHS = 5, 999
 # Rounding of a force, in units of eps times the sizes of what was added up for it and the distance from the origin. Larger: the search
 # ends early. Smaller: stiff rotors far from the origin, or drawn with noise in the last digits, have no steady motion.
 # Pinned by tests/truth/test_steady_rotation.py with jitter.
@@ -65,10 +68,10 @@ class SteadyMotion(StateResult, Result):
         The exact linearisation there, in these axes.
     error
         Largest change of a row of M, C + G, K + N over a turn, relative to the row, beyond rounding; at most 1e-8, or ten
-        times the model's tolerance.
+        times the model's tolerance. With ``average`` that is what the means leave out, and ``.error`` of `mb.modes` what it does to each.
     status
         "converged", or "unresolved" where the residual is above 1e-9 of the forces at work: stiff parts make such forces of the
-        rounding of places.
+        rounding of places. With ``average`` also where it is above 1e-3 between the azimuths: take more of them.
     """
 
     state: State
@@ -120,7 +123,7 @@ class SteadyMotion(StateResult, Result):
         return np.asarray(self.poses["velocity"])
 
     def heading(self) -> str:
-        return f"steady motion of {self.model.name!r}: {self.status}, {self.iterations} iterations"
+        return f"steady motion of {self.model.name!r}: {self.status}, {counted(self.iterations, 'iteration')}"
 
     def rows(self) -> tuple[list[str], list[list[Any]]]:
         """Columns and rows of the table: speed and torque of each driven coordinate."""
@@ -133,6 +136,8 @@ class SteadyMotion(StateResult, Result):
 
     def notes(self) -> list[str]:
         carried = [f"carried around: {', '.join(self.carried)}"] if self.carried else []
+        if self.state.orbit is not None:
+            return [f"averaged over {len(self.state.orbit.q) // 2} azimuths of the turn in {self.frame} axes"]
         return [*carried, f"constant in {self.frame} axes"]
 
     def attributes(self) -> dict[str, Any]:
@@ -146,7 +151,12 @@ class SteadyMotion(StateResult, Result):
 
 
 def steady_motion(
-    m: Model, speed: Mapping[str, float] | None = None, *, at: StateLike = None, without: Sequence[str] = ()
+    m: Model,
+    speed: Mapping[str, float] | None = None,
+    *,
+    at: StateLike = None,
+    without: Sequence[str] = (),
+    average: int | None = None,
 ) -> SteadyMotion:
     """The state in which the named joints turn at constant speed and all forces, inertia included, balance.
 
@@ -165,6 +175,9 @@ def steady_motion(
         Initial guess: None (drawn), an equilibrium, another steady motion.
     without
         Effects to leave out.
+    average
+        For rotors of three or more equal blades in sheared or slanting wind, or with weight across the axis: an odd number of azimuths (25
+        is usual) of the periodic motion, over which linear analyses average in multiblade coordinates. None refuses such rotors.
 
     Returns
     -------
@@ -181,11 +194,11 @@ def steady_motion(
 
     Notes
     -----
-    Equations: docs/theory.md (8.1) to (8.3).
+    Equations: docs/theory.md (8.1) to (8.3), (8.7).
     Newton on the exact tangent, centrifugal stiffness included. The tangent at five angles of the turn decides about the axes: the
     first of fixed, rotating, joint and multiblade ones in which no row changes by more than (8.3) allows is taken (G. Bir, Multiblade
     coordinate transformation and its application to wind turbine analysis, AIAA 2008-1300).
-    Cost O(dof^3) per iteration and angle.
+    Cost O(dof^3) per iteration and angle; with ``average`` O((average dof)^3) per iteration.
 
     Examples
     --------
@@ -205,6 +218,8 @@ def steady_motion(
     if (m.drives or m.couplers or m.constraints) and np.any(rate):
         driven = {int(i): float(rate[i]) for i in np.flatnonzero(rate)}
     spin = spin_of(snapshot, begin.q, rate, tuple(driven), without)
+    if average is not None:
+        return _averaged(snapshot, begin, spin, names, driven, without, average, start)
     state, found, iterations, balanced = _solve(snapshot, begin, spin, names, driven, without)
     frame = _frame(snapshot, spin, state, found, without)
     turns = np.any(frame.W)
@@ -223,6 +238,52 @@ def steady_motion(
         stats=Stats(time.perf_counter() - start, found["counts"], linearization.stats.effects, "Newton"),
         error=frame.varies,
         status="converged" if balanced else "unresolved",
+    )
+
+
+def _averaged(
+    snapshot: Snapshot,
+    begin: State,
+    spin: Spin,
+    names: Sequence[str],
+    driven: Mapping[int, float],
+    without: tuple[str, ...],
+    average: Any,
+    start: float,
+) -> SteadyMotion:
+    """The periodic motion of a rotor, and its matrices averaged over the turn."""
+    if count("average", average, _MOST_AZIMUTHS) % 2 == 0 or average < _LEAST_AZIMUTHS:
+        raise ModelError(f"average must be an odd number of azimuths from {_LEAST_AZIMUTHS} on, got {average}")
+    if not np.any(spin.rate):
+        raise ModelError("average= belongs to a rotor that turns; give speed= or a drive")
+    held = bool(snapshot.model.drives) and "drives" not in without
+    by_name = {names[i]: value for i, value in driven.items()}
+    turn = PeriodicTurn(snapshot, spin, begin, tuple(by_name), (*without, "drives") if held else without, average)
+    orbit, residual, size, between, iterations, counts = turn.solve()
+    state = State(
+        orbit.q[0],
+        orbit.rate[0],
+        "steady",
+        driven=tuple(driven),
+        acceleration=orbit.acceleration[0],
+        turn=None,
+        orbit=orbit,
+    )
+    keep = [name for name in turn.names if not (held and name in by_name)]
+    places = [turn.names.index(name) for name in keep]
+    state = replace(state, turn=turn.W[np.ix_(places, places)], frame="multiblade")
+    linearization = averaged(snapshot, state, without, start)
+    assert linearization.over_turn is not None
+    return SteadyMotion(
+        state=state,
+        speed=by_name,
+        torque={name: float(residual[turn.names.index(name)]) for name in by_name},
+        linearization=linearization,
+        iterations=iterations,
+        frame="multiblade",
+        stats=Stats(time.perf_counter() - start, counts, linearization.stats.effects, "Newton, all azimuths at once"),
+        error=linearization.over_turn.varies,
+        status="converged" if size <= BALANCED and between <= RESOLVED else "unresolved",
     )
 
 

@@ -256,7 +256,7 @@ class Turn:
             f"no axes make the linearisation of {model.name!r} constant: {'; '.join(parts)}{self._weight()}. "
             "Make the rotor or its supports symmetric "
             "about the axis and balanced (three or more equal blades count as symmetric), let bearings hold a body that does not turn, "
-            "or follow the motion in time (mb.simulate)"
+            "average over the turn of three or more equal blades (average=25), or follow the motion in time (mb.simulate)"
         )
 
     def _cut_shapes(self) -> str:

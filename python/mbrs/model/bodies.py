@@ -81,14 +81,16 @@ class Body(Ported, Attachable):
     def check_together(self, values: Sequence[float]) -> None:
         block = self.table.block
         mass = values[block.place("mass")]
-        if not mass > 0.0:
+        inertia = values[block.slice("inertia")]
+        # without mass a body may have rotational inertia: its joints then have to let it turn alone
+        if not (mass > 0.0 or (mass == 0.0 and any(inertia))):
             raise problem(
                 self.name + ".mass",
-                f"must be positive, got {mass:g}; a massless body has no motion of its own: "
+                f"must be positive, got {mass:g}; a body without mass and inertia has no motion of its own: "
                 "attach its springs to the neighbour, or give it its small mass",
                 InertiaError,
             )
-        _check_inertia(self.name + ".inertia", values[block.slice("inertia")])
+        _check_inertia(self.name + ".inertia", inertia)
 
 
 class Ground(Ported, Attachable):
@@ -241,7 +243,7 @@ def body(
     name
         Unique in the model, without ``.``, ``[`` and ``]``.
     mass
-        kg, positive.
+        kg, positive; zero where the body has rotational inertia and its joints let it turn alone.
     inertia
         (3,) or (3, 3), kg m2, about the centre of mass, body axes, products with the sign of the tensor
         (Ixy = - integral of x y dm). Planar data (0, 0, Izz) pass with a warning.

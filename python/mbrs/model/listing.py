@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from .._lib.text import Block, number, without_rounding
+from .._lib.text import Block, counted, number, without_rounding
 from .book import Book
 from .describe import describe
 from .expressions import Expression
@@ -51,14 +51,10 @@ def _summary(book: Book) -> str:
         "body": len(book.bodies), "joint": len(book.joints), "spring or damper": len(book.elements), "load": len(book.loads),
         "drive": len(book.drives), "constraint": len(book.constraints), "parameter": len(book.space.names),
     }  # fmt: skip
-    parts = [f"{n} {_plural(what) if n > 1 else what}" for what, n in counts.items() if n]
+    parts = [counted(n, what) for what, n in counts.items() if n]
     if book.gravity_item is not None:
         parts.append(f"gravity {_text(book.gravity_item.values())} m/s2")
     return f"model {book.name!r}: {', '.join(parts) or 'empty'}"
-
-
-def _plural(what: str) -> str:
-    return {"body": "bodies", "spring or damper": "springs and dampers"}.get(what, what + "s")
 
 
 def _parameters(book: Book, found: Sequence[Mapping[str, Any]]) -> list[Block]:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal, overload
 import numpy as np
 
 from .._lib.formats import find
+from .._lib.text import counted
 from ..errors import ModelError
 from ..view.scene import SceneGeometry
 from . import aerodynamics as _aerodynamics
@@ -429,13 +430,13 @@ class Model(Book):
 
     def __repr__(self) -> str:
         counts: Sequence[tuple[int, str]] = (
-            (len(self.bodies), "bodies"),
-            (len(self.joints), "joints"),
-            (len(self.elements), "elements"),
-            (len(self.loads), "loads"),
-            (len(self.space.names), "parameters"),
+            (len(self.bodies), "body"),
+            (len(self.joints), "joint"),
+            (len(self.elements), "spring or damper"),
+            (len(self.loads), "load"),
+            (len(self.space.names), "parameter"),
         )
-        return f"Model({self.name!r}: " + ", ".join(f"{n} {what}" for n, what in counts) + ")"
+        return f"Model({self.name!r}: " + ", ".join(counted(n, what) for n, what in counts) + ")"
 
     def __str__(self) -> str:
         """Tables of everything that was given; a large model's are cut."""

@@ -89,8 +89,16 @@ def base_motion(direction: str | ArrayLike) -> Port:
     """Motion of ground as a whole, as an input: translation "x", "y", "z" (or a vector (3,)), rotation "rx", "ry",
     "rz".
 
-    A rotation turns ground about the world origin; gravity keeps its direction in space. The amplitude is a
-    displacement in m or an angle in rad.
+    Parameters
+    ----------
+    direction
+        A name, or a vector in world axes, which is normalised.
+
+    Returns
+    -------
+    Port
+        An input of `mb.frf`, `mb.response` and `mb.state_space`. Its amplitude is a displacement in m or an angle in rad; a
+        rotation turns ground about the world origin, and gravity keeps its direction in space.
 
     Examples
     --------

@@ -11,16 +11,18 @@ import numpy as np
 from .. import _core
 from .._lib.border import core_errors
 from .._lib.rotations import quaternion_matrix
+from .._lib.text import counted
 from ..errors import ModelError
 from ..model.names import index
 from ..model.schema import BODY, JOINTS, MARKER
 from ..model.tables import modal_part, modal_places
-from ..results import Result, quantity, result
+from ..results import Result, result
 from ..system.snapshot import Snapshot
 from ..system.state import State
 from . import elements
 from .air import AirMotion
 from .air_march import Wakes
+from .energy import Energy
 from .quantities import Names
 from .tangent import RHO, Run, quantity_derivative
 
@@ -36,54 +38,6 @@ if TYPE_CHECKING:
     from ..model.model import Model
     from ..view.modes import Viewer
     from ..view.motion import MotionPage
-
-
-@result
-class Energy(Result):
-    """Energies of a motion; behaves as the array of their sum.
-
-    Attributes
-    ----------
-    total, kinetic, gravity
-        (n_t,) J. Gravity counts from the world origin, springs from their unstretched state.
-    stored
-        (n_t,) J of each element and joint spring by name; without an entry: no energy belongs to its forces.
-    power
-        (n_t,) W that each element takes out of the motion, by name: what it stores and what it dissipates; of a force or
-        torque negative where it drives. For drives: `Trajectory.drive_force` times the rate of the joint.
-    """
-
-    total: np.ndarray = quantity(dims=("time",), unit="J")
-    kinetic: np.ndarray = quantity(dims=("time",), unit="J")
-    gravity: np.ndarray = quantity(dims=("time",), unit="J")
-    stored: dict[str, np.ndarray]
-    power: dict[str, np.ndarray]
-
-    row: ClassVar[str] = "time"
-
-    def heading(self) -> str:
-        return f"energy at {len(self.total)} outputs"
-
-    def rows(self) -> tuple[list[str], list[list[Any]]]:
-        """Columns and rows of the table: start, end and extremes of every part."""
-        parts = {"total": self.total, "kinetic": self.kinetic, "gravity": self.gravity, **self.stored}
-        rows = [[name, *(float(x) for x in (v[0], v[-1], v.min(), v.max()))] for name, v in parts.items() if len(v)]
-        return ["[J]", "start", "end", "least", "largest"], rows
-
-    def plot(self, *, ax: Axes | None = None) -> Figure:
-        """Total, kinetic, gravity and stored energy over the outputs; returns the figure."""
-        from ..plot.motion import energies
-
-        return energies(self, ax=ax)
-
-    def __array__(self, dtype: Any = None, copy: Any = None) -> np.ndarray:
-        return np.asarray(self.total, dtype=dtype)
-
-    def __len__(self) -> int:
-        return len(self.total)
-
-    def __getitem__(self, index: Any) -> Any:
-        return self.total[index]
 
 
 def _squeezed(values: np.ndarray) -> np.ndarray:
@@ -296,7 +250,7 @@ class Trajectory(AirMotion, Result):
                 stored[name] = q["stored"][:, k]
             power[name] = q["power"][:, k]
         total = q["kinetic"] + q["gravity"] + sum(stored.values(), np.zeros(len(self.t)))
-        return Energy(total, q["kinetic"], q["gravity"], stored, power)
+        return Energy(np.asarray(self.t), total, q["kinetic"], q["gravity"], stored, power)
 
     def sensitivity(self, what: str) -> Derivative:
         """The exact derivative of a quantity of the discrete motion by ``parameters=`` of `mb.simulate`, parameter axis last.
@@ -573,7 +527,7 @@ class Trajectory(AirMotion, Result):
 
     def heading(self) -> str:
         span = f"{self.t[0]:.6g} to {self.t[-1]:.6g} s" if len(self.t) else "nothing"
-        return f"motion of {self.model.name!r}: {self.status}, {span}, {len(self.t)} outputs"
+        return f"motion of {self.model.name!r}: {self.status}, {span}, {counted(len(self.t), 'output')}"
 
     def rows(self) -> tuple[list[str], list[list[Any]]]:
         """No table: `notes` say what there is."""

@@ -247,10 +247,15 @@ def prepare_family(
     return replace(setup, family=Family(member, value, span))
 
 
+def without_samples(law: Law) -> bool:
+    """True where samples cause no error of a law's force: polynomials do not alias, and sharp contacts are integrated exactly."""
+    return law.kind.polynomial or (law.kind.name == "Gap" and law.numbers()[2] == 0.0)
+
+
 def more_samples(n: int, error: float, aliasing: float, laws: Sequence[Law], fourier: Fourier) -> int | None:
     """Double the number of samples if aliasing dominates the error and counts beside the tolerance, else None; None where the
     number was given."""
-    known = fourier.n_samples is not None or all(law.kind.polynomial for law in laws)
+    known = fourier.n_samples is not None or all(without_samples(law) for law in laws)
     if known or 2 * n > MOST_SAMPLES or aliasing <= max(ALIASED * error, _negligible(fourier)):
         return None
     return 2 * n

@@ -327,7 +327,7 @@ class Branch(Iterator[BranchPoint]):
 
     def _more_samples(self) -> int | None:
         """Four times the samples where their number is free and matters."""
-        smooth = all(law.kind.polynomial for law in self.system.elements)
+        smooth = all(balance.without_samples(law) for law in self.system.elements)
         more = 4 * self.setup.n_samples
         return None if smooth or self.fourier.n_samples is not None or more > balance.MOST_SAMPLES else more
 
@@ -470,6 +470,12 @@ class Branch(Iterator[BranchPoint]):
         At the point [dR/dy, dR/dp] has two null vectors; the new branch leaves along the one that is orthogonal to
         this branch.
         """
+        if event.second_frequency is not None:
+            raise ModelError(
+                f"no branch of periodic motions leaves at {event}: what begins there has a second frequency, "
+                f"{event.second_frequency:.6g} rad/s at first (event.second_frequency), which no force gives and which changes along "
+                "it; follow it in time, from event.X"
+            )
         if event.kind not in ("branch-point", "period-doubling"):
             raise ModelError(
                 f"branches cross at branch points only, and leave at period doublings, not at a {event.kind}"

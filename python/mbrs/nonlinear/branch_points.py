@@ -54,6 +54,14 @@ class Event:
         """Excitation frequency, Hz."""
         return self.omega / (2 * np.pi)
 
+    @property
+    def second_frequency(self) -> float | None:
+        """The frequency (rad/s) that a motion begins to have beside its own where it loses stability at a Neimark-Sacker point,
+        the imaginary part of the exponent: known up to its sign and whole multiples of the motion's. None at other events."""
+        if self.kind != "neimark-sacker" or self.exponent is None:
+            return None
+        return abs(self.exponent.imag)
+
     def __str__(self) -> str:
         if self.value is not None:
             return f"{self.kind} at value = {self.value:.10g}, omega = {self.omega:.6g} rad/s"

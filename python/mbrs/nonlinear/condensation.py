@@ -155,26 +155,23 @@ def _symmetric(system: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
 def _modal(matrices: tuple[np.ndarray, ...], retained: np.ndarray, forces: np.ndarray, wanted: bool) -> Any:
     """Modes of the rest while the retained coordinates are held; None where damping couples them, and, unless they are
     ``wanted``, where their frequencies differ so much that rounding is felt in the lowest."""
-    import scipy.linalg
+    from scipy.sparse import csr_array
 
+    sparse = [csr_array(A) for A in matrices]
     while True:
         n = len(matrices[0])
         local = np.setdiff1d(np.arange(n), retained)
-        M, C, K = (A[np.ix_(local, local)] for A in matrices)
-        try:
-            stiffness, shape = scipy.linalg.eigh(K, M)
-        except np.linalg.LinAlgError:
+        found = _modes_by_parts(*(A[local][:, local] for A in sparse))
+        if found is None:
             return None
-        damping = shape.T @ C @ shape
-        size = np.max(np.abs(damping), initial=0.0)
-        if np.max(np.abs(damping - np.diag(np.diag(damping))), initial=0.0) > 1e-12 * size:
-            return None
-        if len(local) == 0 or stiffness[0] > 1e-11 * stiffness[-1]:
-            if not wanted and len(local) and stiffness[-1] * np.finfo(float).eps > ROUGH * stiffness[0]:
+        stiffness, damping, shape = found
+        lowest, highest = (np.min(stiffness), np.max(stiffness)) if len(local) else (0.0, 0.0)
+        if len(local) == 0 or lowest > 1e-11 * highest:
+            if not wanted and len(local) and highest * np.finfo(float).eps > ROUGH * lowest:
                 return None
             break
         # the rest is free at rest: keep the coordinate that moves most, or the static equations are singular
-        retained = np.sort(np.append(retained, local[np.argmax(np.abs(shape[:, 0]))]))
+        retained = np.sort(np.append(retained, local[np.argmax(np.abs(shape[:, np.argmin(stiffness)]))]))
         if len(retained) == n:
             return None
     rr = [np.ascontiguousarray(A[np.ix_(retained, retained)]) for A in matrices]
@@ -186,11 +183,49 @@ def _modal(matrices: tuple[np.ndarray, ...], retained: np.ndarray, forces: np.nd
         rr,
         lr,
         stiffness,
-        np.diag(damping).copy(),
+        damping,
         np.ascontiguousarray(shape),
         forces,
         small,
     )
+
+
+def _modes_by_parts(M: Any, C: Any, K: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
+    """Eigenvalues, modal damping and shapes (n, n) of sparse matrices, of each part that no entry connects with another by
+    itself; None where M is not definite or damping couples the modes. Cost O(n^3) of the largest part."""
+    from scipy.sparse.csgraph import connected_components
+
+    n = M.shape[0]
+    stiffness, damping, shape = np.zeros(n), np.zeros(n), np.zeros((n, n))
+    count, part = connected_components(abs(M) + abs(C) + abs(K), directed=False) if n else (0, np.zeros(0))
+    for i in range(count):
+        own = np.flatnonzero(part == i)
+        m, c, k = (A[own][:, own] for A in (M, C, K))
+        try:
+            stiffness[own], vectors = _modes(m, k)
+        except np.linalg.LinAlgError:
+            return None
+        coupled = vectors.T @ (c @ vectors)
+        damping[own] = np.diag(coupled)
+        size = np.max(np.abs(coupled), initial=0.0)
+        np.fill_diagonal(coupled, 0.0)
+        if np.max(np.abs(coupled), initial=0.0) > 1e-12 * size:
+            return None
+        shape[np.ix_(own, own)] = vectors
+    return stiffness, damping, shape
+
+
+def _modes(M: Any, K: Any) -> tuple[np.ndarray, np.ndarray]:
+    """Eigenvalues and M-orthonormal eigenvectors of sparse matrices; of a chain, K tridiagonal and M diagonal, in O(n^2)."""
+    import scipy.linalg
+
+    mass, rows = M.diagonal(), K.tocoo()
+    chain = M.shape[0] > 1 and M.count_nonzero() == len(mass) and np.max(np.abs(rows.row - rows.col), initial=0) <= 1
+    if chain and np.all(mass > 0):
+        root = np.sqrt(mass)
+        values, vectors = scipy.linalg.eigh_tridiagonal(K.diagonal() / mass, K.diagonal(1) / (root[1:] * root[:-1]))
+        return values, vectors / root[:, None]
+    return scipy.linalg.eigh(K.toarray(), M.toarray())
 
 
 def _sparse(system: Any, retained: np.ndarray, forces: np.ndarray, directions: tuple[np.ndarray, ...]) -> Linear:

@@ -129,7 +129,7 @@ def limit_cycle(
     started = perf_counter()
     if isinstance(system, Book):
         system = nonlinear_system(system, at=at, without=without)
-    elif at is not None or checks.names("without", without):
+    elif at is not None or checks.one_or_names("without", without):
         raise ModelError("at= and without= are for models; a MechanicalSystem is what its matrices are")
     balance.checked_system(system)
     checks.choice("method", method, ("auto", "harmonic-balance", "collocation"))

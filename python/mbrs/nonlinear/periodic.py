@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
+from .._lib.text import without_rounding
 from ..errors import ConvergenceError, ModelError
 from ..results import Result, Stats, derived, quantity, result
 from . import balance, condensation
@@ -202,8 +203,9 @@ class PeriodicSolution(FourierMotion, Result):
         return heads, [
             [
                 self.label(int(i)),
-                float(self.X[i, 0]),
-                *(self.amplitude(int(i), h) for h in range(1, top + 1)),
+                *without_rounding(
+                    [float(self.X[i, 0]), *(self.amplitude(int(i), h) for h in range(1, top + 1))], self.largest(int(i))
+                ),
                 self.largest(int(i)),
             ]
             for i in chosen

@@ -13,6 +13,7 @@ import numpy as np
 
 from .. import _core
 from .._lib import checks
+from .._lib.text import without_rounding
 from ..errors import ConvergenceError, MbrsWarning, ModelError
 from ..model.book import Book
 from ..model.laws import Law
@@ -160,11 +161,12 @@ class QuasiPeriodicSolution(FourierMotion, Result):
         """Columns and rows of the table: the largest terms."""
         size = np.max(np.hypot(self.X[:, 1::2], self.X[:, 2::2]), axis=0)
         moving = np.argsort(-np.linalg.norm(self.X, axis=1), kind="stable")[:3]
+        scale = np.abs(self.X[moving]).max(axis=1)
         heads = ["k", "f [Hz]", *(f"|{self.label(int(i))}|" for i in moving)]
-        rows: list[list[Any]] = [["0", 0.0, *(float(abs(self.X[i, 0])) for i in moving)]]
+        rows: list[list[Any]] = [["0", 0.0, *without_rounding(np.abs(self.X[moving, 0]), scale)]]
         for j in np.argsort(-size, kind="stable")[:most]:
             k = "(" + ", ".join(str(int(i)) for i in self.indices[j]) + ")"
-            amplitude = [float(np.hypot(*self.X[i, 2 * j + 1 : 2 * j + 3])) for i in moving]
+            amplitude = without_rounding([float(np.hypot(*self.X[i, 2 * j + 1 : 2 * j + 3])) for i in moving], scale)
             rows.append([f"k = {k}", float(abs(self.indices[j] @ self.frequency)), *amplitude])
         return heads, rows
 

@@ -88,9 +88,14 @@ def nonlinear_system(m: Model, *, at: StateLike = None, without: Sequence[str] =
     ([[4.0]], (Cubic(3, w=[1.]),))
     """
     started = time.perf_counter()
-    without = check_without(checks.names("without", without))
+    without = check_without(checks.one_or_names("without", without))
     snapshot = Snapshot.of(m, without)
     state = state_of(m, snapshot.system, at)
+    if state.orbit is not None:
+        raise ModelError(
+            f"at= is a motion of {m.name!r} whose linearisation is averaged over the turn, which nonlinear elements do not allow; follow "
+            "the motion in time (mb.simulate)"
+        )
     r = matrices_at(snapshot, state, [*without, "law-slopes"])
     lin = linearization_at(snapshot, state, r, without, started, warn=at is None)
     if any(air.unsteady() for air in m.airs) and "aerodynamics" not in without:
@@ -151,7 +156,7 @@ def as_system(
             raise ModelError("inputs= are ports of a model; a MechanicalSystem takes force=(n,)")
         force = inputs
     if not isinstance(system, Book):
-        if at is not None or checks.names("without", without):
+        if at is not None or checks.one_or_names("without", without):
             raise ModelError("at= and without= are for models; a MechanicalSystem is what its matrices are")
         return system, force if amplitude is None else _scaled(force, amplitude)
     made = nonlinear_system(cast("Model", system), at=at, without=without)

@@ -74,11 +74,18 @@ def campbell(
         _unstable(axes, result, speed, frequency, lowest)
         for order in orders if hertz is not None else ():
             axes.plot(speed, order * hertz, color="#6b7280", ls="--", lw=1.0)
-            inside = np.flatnonzero(order * hertz <= 0.93 * top)
-            if inside.size and order * hertz[inside[-1]] > 0.05 * top:
-                at = (speed[inside[-1]], order * hertz[inside[-1]])
+            end = min(order * float(hertz[-1]), 0.96 * top)  # of the line, or where it leaves the picture
+            if end > max(0.05 * top, order * float(hertz[0])):
+                at = (float(np.interp(end, order * hertz, speed)), end)
                 axes.annotate(
-                    f"{order:g}x", at, (-4, 6), textcoords="offset points", ha="right", fontsize=9, color="#6b7280"
+                    f"{order:g}x",
+                    at,
+                    (-6, 0),
+                    textcoords="offset points",
+                    ha="right",
+                    va="center",
+                    fontsize=9,
+                    color="#6b7280",
                 )
         _critical(axes, critical)
         title = "Campbell diagram" if frame == "fixed" else f"Campbell diagram, {frame} axes"
@@ -111,6 +118,7 @@ def _of_whirl(frequency: np.ndarray, whirl: np.ndarray, value: int) -> np.ndarra
 
 
 def _critical(axes: Any, critical: Sequence[Any]) -> None:
+    # what unbalance excites lies on top
     for fill, name in ((True, "critical, unbalance excites"), (False, "critical, unbalance does not")):
         rows = [c for c in critical if bool(c.excited) == fill]
         if rows:
@@ -123,7 +131,7 @@ def _critical(axes: Any, critical: Sequence[Any]) -> None:
                 mfc=face,
                 ms=6,
                 label=name,
-                zorder=5,
+                zorder=6 if fill else 5,
             )
 
 

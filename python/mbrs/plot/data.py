@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from .._lib.text import number, si
+from .._lib.text import number, si, without_rounding
 from ..errors import MbrsError, ModelError
 
 __all__ = [
@@ -161,6 +161,8 @@ def tornado_bars(sensitivity: Any, mode: int = 0, most: int = 20) -> list[Tornad
         step, text = _step(values[j], units[j])
         if step > 0.0 and np.isfinite(derivative[i, j]):
             bars.append(TornadoBar(labels[j], text, float(derivative[i, j] * step)))
+    shown = without_rounding([bar.value for bar in bars])
+    bars = [replace(bar, value=float(value)) for bar, value in zip(bars, shown, strict=True)]
     bars.sort(key=lambda bar: -abs(bar.value))
     return bars[:most]
 

@@ -21,6 +21,8 @@ __all__ = ["frf", "modes", "response"]
 
 _MOST_NAMED = 10
 _MOST_TICKS = 40
+# Real parts below this share of the largest root are the rounding of zero: no axis is scaled to them.
+_UNDAMPED = 1e-14
 
 
 def modes(
@@ -77,6 +79,9 @@ def modes(
         left.axvline(0.0, color="#9aa7b5", lw=0.8)
         left.set(xlabel="Re s [rad/s]", ylabel="Im s / 2 pi [Hz]", title="eigenvalues")
         left.margins(0.12)
+        if np.all(np.abs(s.real) <= _UNDAMPED * np.abs(s).max()):  # no scale of its own for the rounding of zero
+            left.set_xlim(-1.0, 1.0)
+            left.set_xticks([0.0])
         left.locator_params(axis="x", nbins=5)
         legend(left)
         if ax is None:
@@ -172,14 +177,20 @@ def frf(
         raise ModelError(f"kind={kind!r} is not known; use 'bode' or 'nyquist'")
     ranked, rounding = ranked_curves(result)
     named, rest = ranked[:_MOST_NAMED], ranked[_MOST_NAMED:]
+    alone = len(ranked) == 1 and not rounding and ax is None and label is None
     with style():
+        if alone:
+            named = [Curve("_", ranked[0].value)]
         if label is not None:
             named = [Curve(label if len(named) == 1 else f"{label}: {c.label}", c.value) for c in named]
         made, top = _bode(result, named, rest, marks, ax) if kind == "bode" else _nyquist(result, named, rest, ax)
         notes = [f"{len(rest)} smaller curves in grey"] * bool(rest) + [f"left out as zero: {rounding}"] * bool(
             rounding
         )
-        top.set_title(str(getattr(result, "kind", "")) + (f" ({', '.join(notes)})" if notes else ""))
+        kind_ = str(getattr(result, "kind", ""))
+        if alone:  # its name is the title
+            kind_, notes = f"{kind_} {ranked[0].label}".strip(), []
+        top.set_title(kind_ + (f" ({', '.join(notes)})" if notes else ""))
     return made
 
 

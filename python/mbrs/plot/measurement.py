@@ -98,7 +98,9 @@ def pairing(result: Any, *, ax: Axes | None = None) -> Figure:
     with style():
         made, axes = canvas(ax)
         labels = [f"{node} = {target}" for node, target in zip(result.node, result.target.tolist(), strict=True)]
-        axes.barh(labels, np.nan_to_num(result.distance), color=colours(axes, 1)[0])
+        distance, colour = np.nan_to_num(result.distance), colours(axes, 1)[0]
+        axes.barh(labels, distance, height=0.5, color=colour)
+        axes.plot(distance, labels, "o", color=colour)  # a distance of zero is seen too
         axes.set_xlabel("distance [m]")
         axes.grid(axis="y", visible=False)
         axes.set_title(result.heading())

@@ -60,7 +60,10 @@ def steady_motion(result: Any, *, ax: Axes | None = None) -> Figure:
             axes.plot([], [], color=arrows, label=f"velocity, longest {fastest:.3g} m/s")
             axes.update_datalim(place + velocity / scale)
         _square(axes, plane)
-        speeds = ", ".join(f"{name} {value:.4g} rad/s" for name, value in result.speed.items())
+        units = result.speed_unit.tolist()
+        speeds = ", ".join(
+            f"{name} {v:.4g} {unit}" for (name, v), unit in zip(result.speed.items(), units, strict=True)
+        )
         axes.set_title(f"steady motion: {speeds or 'nothing driven'}")
         legend(axes)
     return made

@@ -132,14 +132,14 @@ def _draw(panel: Panel, ax: Any, label: str | None) -> None:
 
 
 def energies(energy: Any, *, ax: Axes | None = None) -> Figure:
-    """Energies of a motion over its outputs, which carry no times of their own."""
+    """Energies of a motion over time."""
     parts = {"total": energy.total, "kinetic": energy.kinetic, "gravity": energy.gravity, **energy.stored}
     kept = {name: value for name, value in parts.items() if np.any(value != 0.0)} or {"total": energy.total}
     with style():
         made, axes = canvas(ax)
         for (name, value), colour in zip(kept.items(), colours(axes, len(kept)), strict=True):
-            axes.plot(np.arange(len(value)), value, color=colour, label=name)
-        axes.set(xlabel="output", ylabel="energy [J]", title="energy")
+            axes.plot(energy.time, value, color=colour, label=name)
+        axes.set(xlabel="t [s]", ylabel="energy [J]", title="energy")
         legend(axes)
     return made
 

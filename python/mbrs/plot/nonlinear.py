@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..errors import ModelError
+from .data import port_unit
 from .figure import FADED, PALETTE, canvas, colours, figure, legend, style
 
 if TYPE_CHECKING:
@@ -82,10 +83,16 @@ def curve(
             axes.lines[before].set_label(label)
         legend(axes)
         what = "largest displacement" if harmonic is None else "mean" if harmonic == 0 else f"harmonic {harmonic}"
-        axes.set(xlabel=name_of_x, ylabel=f"{what} of {result.label(dof)}")
+        axes.set(xlabel=name_of_x, ylabel=f"{what} of {_named(result, dof)}")
         if ax is None:
             axes.set_title(f"{len(result)} points, {result.status}")
     return made
+
+
+def _named(result: Any, dof: Any, rate: str = "") -> str:
+    """The label of a displacement, with the unit of a motion of a model; coordinates of matrices have those of the matrices."""
+    label = str(result.label(dof))
+    return f"{label} [{port_unit(label)}{rate}]" if ".motion." in label else label
 
 
 def _branch(
@@ -136,7 +143,7 @@ def harmonics(result: Any, dof: Any = 0, *, ax: Axes | None = None) -> Figure:
         axes.set_xlim(-0.7, top + 0.7)
         axes.xaxis.get_major_locator().set_params(integer=True)
         unit = "" if nu == 1 else f" (of f / {nu})"
-        axes.set(xlabel=f"harmonic{unit}", ylabel=f"amplitude of {result.label(dof)}")
+        axes.set(xlabel=f"harmonic{unit}", ylabel=f"amplitude of {_named(result, dof)}")
         if ax is None:
             axes.set_title(f"estimated error {float(result.error):.0e}")
     return made
@@ -157,7 +164,7 @@ def orbit(result: Any, dof: Any = 0, *, ax: Axes | None = None) -> Figure:
         if ax is None:
             made, (left, axes) = figure(1, 2, size=(9.5, 4.0), width_ratios=(1.35, 1))
             left.plot(t, x, color=PALETTE[0], lw=0.9 if is_torus else 1.5)
-            left.set(xlabel="t [s]", ylabel=result.label(dof), title="30 cycles" if is_torus else "one period")
+            left.set(xlabel="t [s]", ylabel=_named(result, dof), title="30 cycles" if is_torus else "one period")
         else:
             made, axes = ax.figure, ax
         color = colours(axes, 1)[0]
@@ -165,7 +172,7 @@ def orbit(result: Any, dof: Any = 0, *, ax: Axes | None = None) -> Figure:
         if not is_torus:
             axes.plot(x[:1], v[:1], "o", color=PALETTE[1], ms=5, label="t = 0")
             legend(axes)
-        axes.set(xlabel=result.label(dof), ylabel=f"d/dt {result.label(dof)}")
+        axes.set(xlabel=_named(result, dof), ylabel=f"d/dt {_named(result, dof, '/s')}")
     return made
 
 
@@ -188,7 +195,7 @@ def spectrum(result: Any, dof: Any = 0, *, most: int = 6, ax: Axes | None = None
             if keep[i] and names[i]:
                 axes.annotate(names[i], (frequency[i], size[i]), xytext=(0, 5), textcoords="offset points", ha="center",
                               fontsize=8, rotation=60 if tilted else 0)  # fmt: skip
-        axes.set(xlabel="f [Hz]", ylabel=f"amplitude of {result.label(dof)}")
+        axes.set(xlabel="f [Hz]", ylabel=f"amplitude of {_named(result, dof)}")
         if ax is None:
             axes.set_title(f"estimated error {float(result.error):.0e}")
     return made
@@ -237,7 +244,7 @@ def torus_branch(result: Any, dof: Any = 0, index: Any = None, *, ax: Axes | Non
                     marks, at_folds, "o", mfc="white", color=line.get_color(), ms=6, mew=1.4, ls="none", label="fold"
                 )
         legend(axes)
-        axes.set(xlabel=name, ylabel=f"amplitude of {result.label(dof)}")
+        axes.set(xlabel=name, ylabel=f"amplitude of {_named(result, dof)}")
         if ax is None:
             axes.set_title(f"{len(result)} points, {result.status}")
     return made

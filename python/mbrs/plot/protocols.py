@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Protocol
 
 import numpy as np
@@ -93,7 +93,11 @@ class TimedRun(Protocol):
 
     @property
     def text(self) -> str:
-        """Settings in words."""
+        """The numeric settings, short."""
+
+    @property
+    def numeric(self) -> Mapping[str, float]:
+        """The numeric settings by name."""
 
 
 class HasLines(Protocol):

@@ -26,6 +26,7 @@ _FILL = {"joint": "#c0392b", "spring": "#9aa5b1", "load": "#7d3c98"}
 _EDGE = {"joint": "#8e2b20", "spring": "#3b4757", "load": "#6c2e86"}
 _TRIAD = ("#c0392b", "#27865a", "#2a5db0")
 _PLANES = {"xy": (0, 1), "xz": (0, 2), "yz": (1, 2)}
+_NAME = 8.0  # size of names, points
 _FEW = 30  # objects, up to which all names are written
 _ROUND = 30  # vertices above which a solid is drawn without edges
 _LIGHT = np.array([-0.4, 0.5, 0.77])
@@ -86,9 +87,9 @@ def scene(
             for line in mark.lines:
                 painter.line(mark.at + line, _EDGE[mark.group], 2.0 if mark.group == "load" else 0.9, lift)
         painter.paint()
+        _frame(axes, eye)
         if few if names is None else names:
             _names(axes, eye, drawn, 3.0 * thick)
-        _frame(axes, eye)
         axes.set_title(title)
     return made
 
@@ -216,7 +217,7 @@ def _names(axes: Any, eye: _Eye, drawn: SceneGeometry, gap: float) -> None:
     used: list[np.ndarray] = []
     # a name that would have to go far away from its object is left out
     most = 6
-    step = 0.022 * float(np.linalg.norm(np.ptp(eye(drawn.points)[:, :2], axis=0)))
+    step = _height_of_text(axes)
     for name, at, colour in told:
         place = eye(at)[:2] + [gap, gap]
         tries = 0
@@ -226,9 +227,17 @@ def _names(axes: Any, eye: _Eye, drawn: SceneGeometry, gap: float) -> None:
             continue
         used.append(place)
         axes.annotate(
-            name, place, fontsize=8, color=colour, zorder=5, va="center",
+            name, place, fontsize=_NAME, color=colour, zorder=5, va="center",
             bbox={"boxstyle": "round,pad=0.1", "fc": "white", "ec": "none", "alpha": 0.7},
         )  # fmt: skip
+
+
+def _height_of_text(axes: Any) -> float:
+    """Height of a line of names, in units of the axes."""
+    axes.autoscale_view()
+    axes.apply_aspect()
+    low, high = axes.transData.inverted().transform([(0.0, 0.0), (0.0, 1.3 * _NAME / 72.0 * axes.figure.dpi)])
+    return float(high[1] - low[1])
 
 
 def _frame(axes: Any, eye: _Eye) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..errors import ModelError
 from .data import tornado_bars
-from .figure import FADED, PALETTE, canvas, colours, figure, from_the_top, legend, style
+from .figure import FADED, PALETTE, canvas, colours, figure, from_the_top, legend, log_frequencies, style
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -65,27 +65,40 @@ def accuracy(study: HasLines, *, ax: Axes | None = None) -> Figure:
     """
     lines = [(label, [p for p in points if np.isfinite(p.error)]) for label, points in study.lines()]
     lines = [(label, points) for label, points in lines if points]
+    beside = ", ".join(dict.fromkeys(name for _, points in lines for p in points for name in p.numeric))
     if not lines:
         raise ModelError("no run of this study has an error to plot; see print(study) for what happened")
     positive = [p.error for _, points in lines for p in points if p.error > 0.0]
     floor = 0.3 * min(positive) if positive else 1e-17
     with style():
         made, axes = canvas(ax, (8.0, 5.0))
-        for colour, (label, points) in zip(colours(axes, len(lines)), lines, strict=True):
-            time = [p.time for p in points]
+        before, drawn = len(axes.lines), colours(axes, len(lines))
+        for colour, (label, points) in zip(drawn, lines, strict=True):
             error = [max(p.error, floor) for p in points]
-            axes.plot(time, error, "-o", color=colour, ms=5, label=label or None)
-            for p in points:
-                if p.error <= 0.0:
-                    axes.plot([p.time], [floor], "o", color="white", mec=colour, ms=5, zorder=3)
-            for p, e in zip(points, error, strict=True):
-                axes.annotate(p.text, (p.time, e), (5, 4), textcoords="offset points", fontsize=7.5, color=colour)
+            axes.plot([p.time for p in points], error, "-o", color=colour, ms=5, label=label or None)
         axes.set(xscale="log", yscale="log", xlabel="wall time [s], best of the repeats", ylabel="error")
-        axes.set_title("what accuracy costs", pad=20)
-        axes.text(0.0, 1.015, study.measure, transform=axes.transAxes, fontsize=8.5, color="#4b5968")
         axes.margins(0.1)
+        log_frequencies(axes)
+        for line, (_, points) in zip(axes.lines[before:], lines, strict=True):
+            _settings_beside(axes, line, points)
+        for colour, (_, points) in zip(drawn, lines, strict=True):
+            exact = [p.time for p in points if p.error <= 0.0]
+            axes.plot(exact, [floor] * len(exact), "o", color="white", mec=colour, ms=5, zorder=3)
+        axes.set_title("what accuracy costs", pad=20)
+        note = f"{study.measure}; beside the points: {beside}" if beside else study.measure
+        axes.text(0.0, 1.015, note, transform=axes.transAxes, fontsize=8.5, color="#4b5968")
         legend(axes)
     return made
+
+
+def _settings_beside(axes: Any, line: Any, points: Any) -> None:
+    """The numeric settings of a curve beside its points, without those that would lie on one that is there."""
+    taken = [axes.transData.transform(text.xy) for text in axes.texts if hasattr(text, "xy")]
+    for p, at in zip(points, line.get_xydata(), strict=True):
+        place = axes.transData.transform(at)
+        if all(abs(place[0] - x) > 40 or abs(place[1] - y) > 11 for x, y in taken):
+            taken.append(place)
+            axes.annotate(p.text, at, (5, 4), textcoords="offset points", fontsize=7.5, color=line.get_color())
 
 
 def effects(study: HasEffectRuns, *, ax: Axes | None = None) -> Figure:
@@ -179,7 +192,7 @@ def comparison(result: Any, *, ax: Axes | None = None) -> Figure:
         axes.set_yticks(place, result.labels)
         from_the_top(axes)
         axes.set(xlabel="relative difference", title=result.heading())
-        legend(axes)
+        legend(axes, inside=0)  # beside the rows, which fill the axes
     return made
 
 

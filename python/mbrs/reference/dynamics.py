@@ -6,7 +6,7 @@ components of v and a.
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Iterator
 from typing import Any
 
 import numpy as np
@@ -14,9 +14,9 @@ import numpy as np
 from ..errors import ModelError
 from . import flexible
 from . import joints as jt
-from .assembly import row_map
+from .assembly import RowsOf, row_map
 from .jets import Jet, cross, jet, stack
-from .kinematics import GROUND_MOTION, Moving, State, System, link_pair, motion, moving, unit_twists
+from .kinematics import Moving, State, System, link_pair, motion, moving, unit_twists
 from .laws import BoundLaw
 from .linear import minimum_norm
 from .reader import Link
@@ -145,16 +145,23 @@ def elements(sys: System, now: Moving, without: Collection[str] = (), memory: Ar
     return total.row()
 
 
-def constraint_forces(sys: System, now: Moving, lam: Array) -> Jet:
-    """G^T lam of all joints."""
-    total, start = Forces(sys), 0
+def multiplied(sys: System, lam: Array) -> Iterator[tuple[Link, RowsOf, Array]]:
+    """Every joint with its rows of one level and their multipliers (1, n); velocity constraints last."""
+    start = 0
     for rows_of in LEVELS:
         for link in sys.joints:
-            rows = rows_of(link)
-            for part, factor in jt.terms(link) if rows else ():
-                p = link_pair(part, now.pose)
-                total.add_pair(part, p, factor * (lam[None, start : start + len(rows)] @ jt.slopes(rows_of(part), p)))
-            start += len(rows)
+            n = len(rows_of(link))
+            yield link, rows_of, lam[None, start : start + n]
+            start += n
+
+
+def constraint_forces(sys: System, now: Moving, lam: Array) -> Jet:
+    """G^T lam of all joints."""
+    total = Forces(sys)
+    for link, rows_of, own in multiplied(sys, lam):
+        for part, factor in jt.terms(link) if own.size else ():
+            p = link_pair(part, now.pose)
+            total.add_pair(part, p, factor * (own @ jt.slopes(rows_of(part), p)))
     return total.row()
 
 
@@ -191,16 +198,10 @@ def mass(sys: System, state: State, T: Array) -> Array:
 
 def reactions(sys: System, state: State, lam: Array) -> dict[str, Array]:
     """Constraint wrench of every joint on its second body at the second body's marker, world axes, (6,) by name."""
-    out: dict[str, Array] = {}
-    bodies, start = [*motion(state)[:-1], GROUND_MOTION], 0
-    for rows_of in LEVELS:
-        for link in sys.joints:
-            rows = rows_of(link)
-            if not rows and link.name in out:
-                continue
-            p = link_pair(link, bodies)
-            wrench = -(lam[start : start + len(rows)] @ jt.slopes(rows, p).value)
-            made = np.concatenate([p.A.value @ wrench[:3], p.A.value @ wrench[3:]])
-            out[link.name] = out[link.name] + made if link.name in out else made  # both levels of a rolling disc
-            start += len(rows)
+    out = {link.name: np.zeros(6, dtype=lam.dtype) for link in sys.joints}
+    bodies = motion(state)
+    for link, rows_of, own in multiplied(sys, lam):
+        p = link_pair(link, bodies)
+        wrench = -(own @ jt.slopes(rows_of(link), p).value)[0].reshape(2, 3)
+        out[link.name] = out[link.name] + (wrench @ p.A.value.T).ravel()  # both levels of a rolling disc
     return out

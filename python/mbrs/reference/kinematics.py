@@ -65,8 +65,7 @@ class System:
         self.elements = reader.read_elements(tables, self.x, self.bodies)
         self.n_memory = laws.attach(tables, self.x, self.elements, self.joints)
         self.loads = reader.read_loads(tables, self.x, self.bodies)
-        reader.refuse_air(tables)
-        reader.refuse_functions(tables)
+        reader.refuse_others(tables)
         self.gravity = reader.read_gravity(tables, self.x)
         carriers = [i for f in self.flexible for i in f.carriers]
         links = modal_links(tables, self.x, self.flexible)

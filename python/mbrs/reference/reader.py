@@ -230,20 +230,11 @@ def read_imposed(t: Mapping[str, Any], x: Array, joints: list[Link]) -> list[Lin
     return out
 
 
-def refuse_functions(t: Mapping[str, Any]) -> None:
-    """The equations here are without constraints that are functions."""
-    if len(t.get("constraint_name", ())):
-        raise ModelError(
-            f"the reference has no constraints that are functions, the model has {t['constraint_name'][0]!r}; compare a model without it"
-        )
-
-
-def refuse_air(t: Mapping[str, Any]) -> None:
-    """The equations here are without air."""
-    if len(t.get("air_name", ())):
-        raise ModelError(
-            f"the reference has no aerodynamics, but the model has {t['air_name'][0]!r}; compare a model without it"
-        )
+def refuse_others(t: Mapping[str, Any]) -> None:
+    """Raise for parts of a model that the equations here do not have."""
+    for key, what in (("air_name", "aerodynamics"), ("constraint_name", "constraints that are functions")):
+        for name in t.get(key, ()):
+            raise ModelError(f"the reference has no {what}, but the model has {name!r}; compare a model without it")
 
 
 def read_gravity(t: Mapping[str, Any], x: Array) -> Array:

@@ -115,7 +115,9 @@ class AccuracyStudy(Result):
         """The runs that succeeded, one group for each combination of categorical settings, with a label for it."""
         groups: dict[str, list[StudyPoint]] = {}
         for point in self.points:
-            label = ", ".join(text for name, text in point.settings.items() if name not in point.numeric)
+            chosen = {name: text for name, text in point.settings.items() if name not in point.numeric}
+            named = any(text[:1].isdigit() for text in chosen.values())
+            label = ", ".join(f"{name} = {text}" if named else text for name, text in chosen.items())
             groups.setdefault(label, []).append(point)
         return list(groups.items())
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from .._lib.checks import names as names_of
+from .._lib.checks import one_or_names
 from .._lib.progress import Progress
 from .._lib.text import Block, si
 from ..errors import Interrupted, MbrsError, ModelError
@@ -153,8 +153,15 @@ def effect_study(
     Notes
     -----
     Cost: ``repeat`` x (number of rows + 1) + 1 runs.
+
+    Examples
+    --------
+    >>> import mbrs as mb
+    >>> study = mb.effect_study(mb.modes, mb.examples.quarter_car())
+    >>> sorted(row.effect for row in study.runs)[:3]
+    ['constraint-force-stiffness', 'damping', 'drives']
     """
-    off = names_of("without", settings.pop("without", ()))
+    off = one_or_names("without", settings.pop("without", ()))
     names = tuple(effects) if effects is not None else _effects_on(model, fun)
     keywords = {**settings, **({"without": off} if off else {})}
     try:

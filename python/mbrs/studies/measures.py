@@ -117,7 +117,8 @@ def _same_points(result: Any, reference: Any) -> None:
 def motion_difference(result: Any, reference: Any) -> float:
     """Largest distance of a body, over the characteristic length, or angle between its two orientations.
 
-    At all outputs where both motions have the same ones, else at the end, which must be the same.
+    At all outputs where both motions have the same ones, else at the end, which must be the same. Nodes of flexible bodies count where
+    both motions follow them: without flexibility there are none.
     """
     ours, theirs = np.asarray(result.t, dtype=float), np.asarray(reference.t, dtype=float)
     if ours.size == 0 or theirs.size == 0 or not np.isclose(ours[-1], theirs[-1], rtol=1e-12, atol=0.0):
@@ -125,7 +126,12 @@ def motion_difference(result: Any, reference: Any) -> float:
     same = ours.shape == theirs.shape and np.allclose(ours, theirs, rtol=1e-12, atol=0.0)
     at = slice(None) if same else slice(-1, None)
     length = float(result.snapshot.system.characteristic_length)
-    (p, q), (r, s) = ((one.poses["position"][at], one.poses["orientation"][at]) for one in (result, reference))
+    named = [tuple(one.snapshot.tables["body_name"]) for one in (result, reference)]
+    both = [name for name in named[0] if name in named[1]]
+    (p, q), (r, s) = (
+        [one.poses[what][at][:, [names.index(name) for name in both]] for what in ("position", "orientation")]
+        for one, names in zip((result, reference), named, strict=True)
+    )
     chord = np.minimum(np.linalg.norm(q - s, axis=-1), np.linalg.norm(q + s, axis=-1))
     moved = np.linalg.norm(p - r, axis=-1) / length
     return max(_largest(moved), _largest(4.0 * np.arcsin(np.minimum(0.5 * chord, 1.0))))

@@ -14,6 +14,19 @@ AT_REST = np.zeros(0)
 
 
 @dataclass(frozen=True, eq=False)
+class Orbit:
+    """A motion that repeats itself with the turn of a rotor: its period; coordinates, rates and accelerations (2 N, ...) of the tree at
+    even times; W of the axes over all its coordinates.
+    """
+
+    period: float
+    q: np.ndarray
+    rate: np.ndarray
+    acceleration: np.ndarray
+    W: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
 class State:
     """Poses and velocities of all bodies, as the core holds them.
 
@@ -40,6 +53,8 @@ class State:
         Axes of z: "fixed", "rotating", "joint" or "multiblade"; empty but for a steady motion.
     air
         The wake at the end of a motion, with which another goes on; None elsewhere.
+    orbit
+        The turn that this state begins, where linear analyses average over it; None elsewhere.
     """
 
     q: np.ndarray
@@ -52,6 +67,7 @@ class State:
     turn: np.ndarray | None = None
     frame: str = ""
     air: object | None = None
+    orbit: Orbit | None = None
 
     @property
     def moving(self) -> bool:

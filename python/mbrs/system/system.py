@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from .._lib.border import core_errors
+from .._lib.text import counted
 from ..results import Result, Stats, derived
 from ..system.snapshot import Snapshot
 from .state import doubts_of, state_of
@@ -165,9 +166,10 @@ class System(Result):
 
     def heading(self) -> str:
         what = "constraints" if self.constraints else "loop constraints"
+        parts = ((self.n_bodies, "body"), (self.n_joints, "joint"), (self.n_elements, "spring or damper"))
         open_dof = f"{self.n_tree} tree coordinates - {self.rank} independent {what}"
         return (
-            f"system {self.name!r}: {self.n_bodies} bodies, {self.n_joints} joints, {self.n_elements} elements\n"
+            f"system {self.name!r}: {', '.join(counted(*part) for part in parts)}\n"
             f"degrees of freedom: {self.dof}" + (f" ({open_dof})" if self.loops or self.constraints else "")
         )
 

@@ -158,7 +158,7 @@ impl Csc {
             for (j, xj) in x.iter().enumerate() {
                 let range = self.start[j] as usize..self.start[j + 1] as usize;
                 for (i, v) in self.row[range.clone()].iter().zip(&self.value[range]) {
-                    y[*i as usize] = y[*i as usize] + *xj * *v;
+                    y[*i as usize] += *xj * *v;
                 }
             }
         }

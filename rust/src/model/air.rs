@@ -4,11 +4,8 @@ use std::sync::Arc;
 use crate::aero::polar::{Airfoil, Polar};
 use crate::aero::section::{Inflow, Section};
 use crate::aero::unsteady::{Separation, Unsteady};
-use crate::error::{Error, Result};
-use crate::model::geometry::vector;
 use crate::model::layout::{air, section};
-use crate::model::tables::Tables;
-use crate::spatial::{Real, V3};
+use crate::spatial::{Real, V3, vector};
 
 /// Wind, and how velocities are induced.
 #[derive(Debug, Clone)]
@@ -191,30 +188,5 @@ impl<T: Real> SectionGeometry<T> {
             span: self.span,
             separation: Separation { slope: self.slope, zero: self.zero, lag: air.stall },
         }
-    }
-}
-
-impl Tables {
-    pub(super) fn check_air(&self) -> Result<()> {
-        for one in &self.air {
-            self.inside(&one.name, one.x, air::SIZE)?;
-            if let Some(h) = &one.history {
-                let n = h.times.len().saturating_mul(3 * h.sections);
-                self.inside(&one.name, h.x, n)?;
-                if h.times.is_empty() || h.times.windows(2).any(|w| w[0].is_nan() || w[0] >= w[1]) {
-                    return Err(Error::model(format!(
-                        "'{}': the times of its induced velocities must increase",
-                        one.name
-                    )));
-                }
-            }
-        }
-        for one in &self.sections {
-            self.inside("a section of a blade", one.x, section::SIZE)?;
-            if one.air >= self.air.len() || one.body >= self.bodies.len() {
-                return Err(Error::model("a section belongs to no blade"));
-            }
-        }
-        Ok(())
     }
 }

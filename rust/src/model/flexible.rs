@@ -4,9 +4,7 @@
 //! displacement u = phi_k q_k + psi_kl q_k q_l / 2,   S_k = int rho phi_k,   P1_k = int rho r phi_k^T,   P2_kl = int rho phi_k phi_l^T
 //! S2_kl = int rho psi_kl,   P12_kl = int rho r psi_kl^T: the twelve geometric stiffnesses
 //! ```
-use crate::error::{Error, Result};
 use crate::model::layout::{flexible, node};
-use crate::model::tables::Tables;
 use crate::spatial::{M3, Real, V3, outer};
 
 /// A body with modal coordinates.
@@ -131,25 +129,5 @@ impl<T: Real> TipGeometry<T> {
             }
         }
         out
-    }
-}
-
-impl Tables {
-    pub(super) fn check_flexible(&self) -> Result<()> {
-        let outside = || Error::model("the numbers of a flexible body lie outside the value vector");
-        for f in &self.flexible {
-            let end = f.x.checked_add(f.size()).ok_or_else(outside)?;
-            if end > self.x.len() || f.m == 0 || f.body >= self.bodies.len() {
-                return Err(outside());
-            }
-        }
-        for tip in &self.tips {
-            let f = self.flexible.get(tip.flexible).ok_or_else(outside)?;
-            let end = tip.x.checked_add(node::size(f.m)).ok_or_else(outside)?;
-            if end > self.x.len() || tip.body >= self.bodies.len() {
-                return Err(outside());
-            }
-        }
-        Ok(())
     }
 }

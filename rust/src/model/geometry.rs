@@ -8,7 +8,7 @@ use crate::model::flexible::{FlexibleGeometry, TipGeometry, TipSpec};
 use crate::model::layout::{self, bushing, flag, joint, load, spring_damper, torsion};
 use crate::model::motion::MotionLaw;
 use crate::model::tables::{BodyRef, ElementKind, Tables};
-use crate::spatial::{M3, Pose, Real, V3, frame_of_axis, rotation_of_quaternion};
+use crate::spatial::{M3, Pose, Real, V3, frame_of_axis, rotation_of_quaternion, vector};
 
 #[derive(Debug, Clone)]
 pub struct BodyGeometry<T: Real> {
@@ -51,10 +51,6 @@ pub struct Geometry<T: Real> {
     pub tips: Vec<TipGeometry<T>>,
     pub air: Vec<AirGeometry<T>>,
     pub sections: Vec<SectionGeometry<T>>,
-}
-
-pub(super) fn vector<T: Real>(x: &[T], at: usize) -> V3<T> {
-    V3::new(x[at], x[at + 1], x[at + 2])
 }
 
 impl<T: Real> Geometry<T> {

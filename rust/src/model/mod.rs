@@ -5,4 +5,5 @@ pub mod flexible;
 pub mod geometry;
 pub mod layout;
 pub mod motion;
+mod table_checks;
 pub mod tables;

@@ -5,7 +5,7 @@ use numpy::{IntoPyArray, PyReadonlyArray2};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use crate::analysis::designs::{Analysis, Design, Inputs, Place, Plan, Point, Port, Rule, Transfer, designs};
+use crate::designs::{Analysis, Design, Inputs, Place, Plan, Point, Port, Rule, Transfer, designs};
 use crate::error::{Error, Result};
 use crate::spatial::V3;
 

@@ -4,13 +4,16 @@ use numpy::{IntoPyArray, PyReadonlyArray1};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use crate::analysis::direction::{self, Common, Directional, Entries};
-use crate::analysis::linearize::{Setting, linearize};
 use crate::error::{Error, Result};
+use crate::linearize::{Setting, linearize};
 use crate::run::Counts;
+use crate::sensitivity::direction;
+use crate::sensitivity::direction::Common;
+use crate::sensitivity::direction::Directional;
+use crate::sensitivity::direction::Entries;
 
 use super::system::{LINEARIZATION, PySystem, effects, fits, run, state_of};
-use crate::system::System;
+use crate::multibody::System;
 
 pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(directions, module)?)

@@ -6,10 +6,10 @@ use pyo3::types::{PyDict, PyList};
 
 use super::border::{counts_dict, guarded, interruptible, matrix, to_numpy_complex};
 use super::modal::{LARGE, Optional, optional};
-use crate::analysis::eigen_sensitivity::{Directions, Known, Slices, eigen_sensitivity, shape_derivatives};
 use crate::error::Result;
 use crate::run::Counts;
 use crate::second_order::SecondOrder;
+use crate::second_order::eigen_sensitivity::{Directions, Known, Slices, eigen_sensitivity, shape_derivatives};
 
 pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(eigen_sensitivities, module)?)?;

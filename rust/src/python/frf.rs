@@ -10,16 +10,19 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use super::border::{counts_dict, interruptible, matrix, to_numpy};
-use crate::analysis::frf::Reduction;
-use crate::analysis::frf_resonances;
-use crate::analysis::frf_sensitivity::{self, Entry, Variation};
-use crate::analysis::history::History;
-use crate::analysis::ports::Ports;
-use crate::analysis::response::{self, Linear};
-use crate::analysis::response_sensitivity;
 use crate::error::{Error, Result};
 use crate::linalg::quadratic::Quadratic;
 use crate::memory;
+use crate::second_order::frf::Reduction;
+use crate::second_order::frf_resonances;
+use crate::second_order::frf_sensitivity;
+use crate::second_order::frf_sensitivity::Entry;
+use crate::second_order::frf_sensitivity::Variation;
+use crate::second_order::history::History;
+use crate::second_order::ports::Ports;
+use crate::second_order::response;
+use crate::second_order::response::Linear;
+use crate::second_order::response_sensitivity;
 
 pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(resonances, module)?)?;

@@ -5,18 +5,18 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::sync::Arc;
 
-use crate::analysis::gradient::adjoint::{Forward, backward, forward};
-use crate::analysis::gradient::direct::{Sensitivities, direct};
-use crate::analysis::gradient::kinks::{Kink, no_impact};
-use crate::analysis::gradient::march::{Quadrature, Rule};
-use crate::analysis::gradient::quantity::{Drawn, Quantity, check};
-use crate::analysis::gradient::{Direction, Follow, Plan, first};
-use crate::analysis::transient::ali3p::Weight;
-use crate::analysis::transient::methods::explicit_serves;
-use crate::analysis::transient::{Equations, Instant, Motion};
 use crate::error::{Error, Result};
+use crate::integrate::ali3p::Weight;
+use crate::integrate::methods::explicit_serves;
+use crate::integrate::{Equations, Instant, Motion};
+use crate::multibody::System;
 use crate::run::Counts;
-use crate::system::System;
+use crate::sensitivity::adjoint::{Forward, backward, forward};
+use crate::sensitivity::direct::{Sensitivities, direct};
+use crate::sensitivity::kinks::{Kink, no_impact};
+use crate::sensitivity::march::{Quadrature, Rule};
+use crate::sensitivity::quantity::{Drawn, Quantity, check};
+use crate::sensitivity::{Direction, Follow, Plan, first};
 
 use super::border::{counts_dict, interruptible};
 use super::system::{PySystem, effects, state_of};
@@ -70,7 +70,7 @@ struct Task {
     plan: Plan,
     wanted: Vec<Quantity>,
     directions: Vec<Direction>,
-    effects: crate::system::assemble::Effects,
+    effects: crate::multibody::assemble::Effects,
 }
 
 fn task<'py>(

@@ -8,11 +8,12 @@ use pyo3::types::{PyDict, PyList};
 
 use super::border::interruptible;
 use super::hbm::{HbmProblem, lock, matrices, parameter_called};
-use crate::analysis::hbm::peak::{self, Quantity};
-use crate::analysis::hbm::problem::{Parameter, Problem};
-use crate::analysis::hbm::response::{Event, Follower, Kind, Record, Settings, Status, unstable};
-use crate::analysis::hbm::start;
 use crate::error::{Error, Result};
+use crate::periodic::peak;
+use crate::periodic::peak::Quantity;
+use crate::periodic::problem::{Parameter, Problem};
+use crate::periodic::response::{Event, Follower, Kind, Record, Settings, Status, unstable};
+use crate::periodic::start;
 use crate::run::Cancel;
 use crate::solve::corrector::{Corrector, Options, Predictor};
 use crate::solve::{Curve, newton};

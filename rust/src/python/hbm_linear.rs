@@ -7,10 +7,10 @@ use pyo3::prelude::*;
 
 use super::border::{interruptible, matrix};
 use super::hbm::lock;
-use crate::analysis::hbm::condensed::{Condensed, Entry, Split};
-use crate::analysis::hbm::linear::{DynamicStiffness, Forces, Full};
-use crate::analysis::hbm::modal::{Modal, Modes};
 use crate::error::Error;
+use crate::periodic::condensed::{Condensed, Entry, Split};
+use crate::periodic::linear::{DynamicStiffness, Forces, Full};
+use crate::periodic::modal::{Modal, Modes};
 
 /// A dynamic stiffness with the forces of all terms, (n_terms + 1, n) complex.
 #[pyclass(frozen)]

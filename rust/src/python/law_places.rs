@@ -4,10 +4,11 @@ use numpy::ndarray::Array2;
 use pyo3::prelude::*;
 use pyo3::types::PyList;
 
-use crate::system::System;
-use crate::system::connector::{CoordinateTangent, Numbers, Wanted, coordinate_tangent, motion_of};
-use crate::system::placement::{State, place};
-use crate::system::topology::Connector;
+use crate::multibody::System;
+use crate::multibody::connector::{CoordinateTangent, Wanted, coordinate_tangent, motion_of};
+use crate::multibody::numbers::Numbers;
+use crate::multibody::placement::{State, place};
+use crate::multibody::topology::Connector;
 
 /// A connector as it is at a state: displacement and rate of each coordinate, and their gradients.
 struct Place<'a> {

@@ -6,10 +6,10 @@ use pyo3::types::PyDict;
 
 use super::border::{counts_dict, guarded, interruptible, matrix, to_numpy_complex};
 use super::system::table;
-use crate::analysis::modal::{Modal, modes};
-use crate::analysis::stiffness_factor;
+use crate::linearize::stiffness_factor;
 use crate::memory;
 use crate::second_order::SecondOrder;
+use crate::second_order::modal::{Modal, modes};
 use crate::tolerances::{linearisation::BALANCED, modes::SAME_ROOT};
 
 pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {

@@ -7,19 +7,19 @@ use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 
 use crate::aero::section::{Flow, Place, column};
-use crate::analysis::reactions::shared;
-use crate::analysis::transient::augmented::Penalty;
-use crate::analysis::transient::driver::{End, Output, Plan, Progress, Run, Steps};
-use crate::analysis::transient::methods::{Method, simulate};
-use crate::analysis::transient::{Equations, Motion};
+use crate::constraint::loops::Loops;
 use crate::error::{Error, Result};
+use crate::integrate::augmented::Penalty;
+use crate::integrate::driver::{End, Output, Plan, Progress, Run, Steps};
+use crate::integrate::methods::{Method, simulate};
+use crate::integrate::{Equations, Motion};
+use crate::linearize::reactions::shared;
 use crate::memory;
+use crate::multibody::System;
+use crate::multibody::assemble::Effects;
+use crate::multibody::topology::Owner;
 use crate::run::{Cancel, Counts};
 use crate::spatial::{V3, quaternion_of_rotation};
-use crate::system::System;
-use crate::system::assemble::Effects;
-use crate::system::loops::Loops;
-use crate::system::topology::Owner;
 
 use super::border::{counts_dict, interruptible, interruptible_so_far};
 use super::system::{PySystem, effects, state_of};
@@ -61,6 +61,7 @@ fn plan(options: &Bound<'_, PyDict>) -> PyResult<Plan> {
         outputs: numbers(options, "outputs")?,
         breaks: numbers(options, "breaks")?.unwrap_or_default(),
         max_steps: number(options, "max_steps")?.map_or(usize::MAX, |n| n as usize),
+        share: 1.0,
     })
 }
 

@@ -5,14 +5,16 @@ use pyo3::types::PyDict;
 
 use super::border::{counts_dict, interruptible, matrix, to_numpy, to_numpy_complex};
 use super::frf::values_fit;
-use crate::analysis::frf_sparse::SparseSystem;
-use crate::analysis::ports::Ports;
-use crate::analysis::sparse_damped::{self, Damped};
-use crate::analysis::sparse_modal::{self, SymmetricModes};
-use crate::analysis::sparse_pencil::{Assembled, Mixed, Pencil};
 use crate::error::{Error, Result};
 use crate::linalg::sparse::Csc;
 use crate::second_order;
+use crate::second_order::frf_sparse::SparseSystem;
+use crate::second_order::ports::Ports;
+use crate::second_order::sparse_damped;
+use crate::second_order::sparse_damped::Damped;
+use crate::second_order::sparse_modal;
+use crate::second_order::sparse_modal::SymmetricModes;
+use crate::second_order::sparse_pencil::{Assembled, Mixed, Pencil};
 
 pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(sparse_modes, module)?)?;

@@ -9,12 +9,12 @@ use super::border::{interruptible, to_numpy_complex};
 use super::modal::as_dict;
 use super::sparse::advised;
 use super::system::{PySystem, effects, state_of};
-use crate::analysis::sparse_bodies::{BodyModes, modes};
+use crate::linearize::sparse_bodies::{BodyModes, modes};
+use crate::linearize::sparse_form::{Entries, SparseForm};
 use crate::memory;
+use crate::multibody::System;
+use crate::multibody::topology::Owner;
 use crate::run::Counts;
-use crate::system::System;
-use crate::system::sparse::{Entries, SparseForm};
-use crate::system::topology::Owner;
 
 pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(sparse_model_modes, module)?)?;

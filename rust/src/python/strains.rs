@@ -4,15 +4,15 @@ use numpy::{IntoPyArray, PyArray2, PyReadonlyArray2};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 
-use crate::analysis::linearize::{Setting, linearize};
-use crate::analysis::stiffness_factor;
-use crate::analysis::strain_rows::{Motions, clear_strains, elements, strain_rows};
+use crate::linearize::stiffness_factor;
+use crate::linearize::strain_rows::{Motions, clear_strains, elements, strain_rows};
+use crate::linearize::{Setting, linearize};
+use crate::multibody::System;
+use crate::multibody::assemble::Effects;
+use crate::multibody::placement::{State, place};
+use crate::multibody::topology::Owner;
 use crate::run::Counts;
 use crate::spatial::V3;
-use crate::system::System;
-use crate::system::assemble::Effects;
-use crate::system::placement::{State, place};
-use crate::system::topology::Owner;
 
 use super::system::{LINEARIZATION, array, fits, run, table};
 

@@ -86,3 +86,16 @@ pub const INCREMENT_ROUNDING: f64 = 1e-17;
 pub const LOOSEST: f64 = 1e-14;
 /// The norm that passes where a fresh inverse cannot better it. Larger: unsolved steps pass. Smaller: motions near to singular poses stop.
 pub const FRESH_INVERSE: f64 = 1e-11;
+
+/// How much looser a trial run is that shows how much of its local errors lasts. Larger: its error is no longer in proportion. Smaller: trials
+/// cost more than they save. Seen by `tests/motion/test_shares.py`; not scanned.
+pub const TRIAL: f64 = 1e3;
+/// Tolerance of the loosest trial. Larger: motions that bend within a step are taken for damped. Smaller: loose tolerances get no trial.
+/// Seen by `tests/motion/test_shares.py`; not scanned.
+pub const LOOSEST_TRIAL: f64 = 0.2;
+/// What the error of a motion may be over the tolerance by its trials. Larger: unlucky motions miss the tolerance. Smaller: steps for
+/// nothing. Seen by `tests/motion/test_shares.py`; not scanned.
+pub const LASTING: f64 = 0.5;
+/// The smallest share: where errors grow as those of a chaotic motion do, no tolerance holds them. Larger: motions that amplify errors miss
+/// the tolerance. Smaller: chaotic motions take steps for nothing. Seen by `tests/motion/test_shares.py`; not scanned.
+pub const LEAST_SHARE: f64 = 0.04;

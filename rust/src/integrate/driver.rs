@@ -1,0 +1,594 @@
+//! From instant to instant: steps of fixed or controlled length, output times, breaks, and what happened when it ends early.
+use crate::error::{Error, Result};
+use crate::run::{Cancel, Counts};
+use crate::tolerances::motion::SAFETY;
+
+use super::detour::{Approach, Detour, Passage, again, passage};
+use super::watch::{Mark, Seen, Watch};
+use super::way::{Aim, Uncounted, Verdict, Way, active};
+use super::{Equations, Instant, LocalError, Motion, Scheme, Step};
+use crate::tolerances::singular_poses::{FARTHEST_CROSSING, NEAREST_CROSSING};
+use crate::tolerances::steps::{BEFORE_BREAK, FINEST_CROSSING, ON_GRID, SAME_INSTANT, SAME_LENGTH};
+
+pub use super::plan::{End, Output, Plan, Progress, Run, Steps};
+
+const SHRINK: f64 = 0.2;
+const GROW: f64 = 3.0;
+/// How fast the length of past steps is forgotten, over time in such lengths.
+const FADING: f64 = 0.3;
+/// Rates count at least as if the motion took this part of the characteristic length: what starts from rest has none.
+const SLOWEST: f64 = 1e-3;
+const MAX_FAILURES: usize = 60;
+/// Local errors of one step below so many times the rounding of a pose are rounding themselves, where only a part of the tolerance
+/// is theirs: estimates divide differences of rates by the step, and no shorter one makes them smaller.
+const NOISE: f64 = 256.0;
+const DIVISIONS: usize = 5;
+
+struct Driver<'e, 's, 'p> {
+    eq: &'e Equations<'s, f64>,
+    plan: &'p Plan,
+    scales: Vec<f64>,
+    /// sizes of the states of laws
+    states: Vec<f64>,
+    start: f64,
+    /// largest rate so far, in characteristic lengths or radians per second
+    speed: f64,
+    next_output: usize,
+    uncounted: Uncounted<'e, 's>,
+    watch: Watch,
+    run: Run,
+}
+
+pub fn drive(
+    eq: &Equations<'_, f64>,
+    scheme: &mut dyn Scheme,
+    start: Instant,
+    plan: &Plan,
+    cancel: &Cancel,
+    progress: &Progress,
+    counts: &mut Counts,
+) -> Result<Run> {
+    let mut driver = Driver {
+        eq,
+        plan,
+        scales: eq.scales(),
+        states: eq.state_scales(),
+        start: start.motion.t,
+        speed: 0.0,
+        next_output: 0,
+        uncounted: Uncounted::new(eq),
+        watch: Watch::new(eq, &start, counts),
+        run: Run {
+            outputs: Vec::new(),
+            steps: vec![start.motion.t],
+            local: Vec::new(),
+            rejected: 0,
+            end: End::Finished,
+            last: Output { instant: start.clone(), joints: Vec::new() },
+        },
+    };
+    driver.at_start(&start);
+    scheme.over(plan.end - start.motion.t);
+    driver.march(scheme, start, cancel, progress, counts)?;
+    Ok(driver.run)
+}
+
+fn scaled(v: &[f64], scales: &[f64]) -> f64 {
+    v.iter().zip(scales).fold(0.0_f64, |s, (v, c)| {
+        let v = (v / c).abs();
+        if v > s || v.is_nan() { v } else { s }
+    })
+}
+
+impl Driver<'_, '_, '_> {
+    /// As `scaled_size`, but no number where an entry is none: such a step must not pass.
+    fn scaled(&self, v: &[f64]) -> f64 {
+        scaled(v, &self.scales)
+    }
+
+    fn at_start(&mut self, start: &Instant) {
+        match &self.plan.outputs {
+            None => self.put(start.clone()),
+            Some(times) => {
+                let n = times.iter().take_while(|t| **t <= start.motion.t).count();
+                for _ in 0..n {
+                    self.put(start.clone());
+                }
+                self.next_output = n;
+            }
+        }
+    }
+
+    fn put(&mut self, instant: Instant) {
+        let joints = self.eq.joint_coordinates(&instant.motion);
+        self.run.outputs.push(Output { instant, joints });
+    }
+
+    /// A length from the motion itself: a small turn, or a small change of the rates.
+    fn first_step(&self, start: &Instant, rtol: f64, order: u32) -> f64 {
+        let (v, a) = (self.scaled(&start.motion.rate), self.scaled(&start.acceleration));
+        let time = (1.0 / v.max(f64::MIN_POSITIVE)).min((1.0 / a.max(f64::MIN_POSITIVE)).sqrt());
+        time * rtol.powf(1.0 / f64::from(order + 1)) * 0.5
+    }
+
+    fn march(
+        &mut self,
+        scheme: &mut dyn Scheme,
+        start: Instant,
+        cancel: &Cancel,
+        progress: &Progress,
+        counts: &mut Counts,
+    ) -> Result<()> {
+        let (t0, end) = (self.start, self.plan.end);
+        let total = end - t0;
+        let mut way = self.departure(scheme, start);
+        while !self.vanishes(end - way.here.motion.t, end) {
+            if cancel.check().is_err() {
+                self.run.end = End::Interrupted;
+                break;
+            }
+            if self.run.steps.len() > self.plan.max_steps {
+                let most = self.plan.max_steps;
+                let why = format!("{most} steps were not enough; give more with max_steps=");
+                self.stop(way.here.motion.t, why);
+                break;
+            }
+            self.speed = self
+                .speed
+                .max(self.scaled(&way.here.motion.rate))
+                .max(1e-3 * self.scaled(&way.here.acceleration) * total.min(way.h * 1e3))
+                .max(SLOWEST / total);
+            let t = way.here.motion.t;
+            if let Some(d) = way.detour.take_if(|d| t >= d.until) {
+                way.recent = d.before;
+                way.h = way.recent;
+                scheme.reset();
+            }
+            self.look_ahead(&mut way, scheme, counts);
+            let aim = self.aim(&way);
+            let estimate = self.controlled();
+            let finest = self.finest(&way);
+            let active = active(&mut way.detour, scheme);
+            let tried = active.step(self.eq, &way.here, aim.length, estimate, counts);
+            let (per_unit, patience) = (active.per_unit_step(), active.rate_time(aim.length));
+            let (power, tolerance) = (active.power(), self.tolerance(active, aim.length));
+            let noise = if per_unit { NOISE * self.eq.rounding(&way.here.motion) } else { 0.0 };
+            let allowed = tolerance.max(finest).max(noise);
+            let going_on = match self.judged(tried, &way, (allowed, per_unit), (patience, power)) {
+                Verdict::Accepted(step, size, allowed) => {
+                    self.accepted(&mut way, scheme, *step, (size, allowed), &aim, counts)?
+                }
+                Verdict::Rejected(factor, why) => self.rejected(&mut way, scheme, aim.length * factor, why, counts),
+                Verdict::Turned(part) => self.turned(&mut way, aim.length * part, counts),
+                Verdict::Fatal(error) => {
+                    self.stop(way.here.motion.t, error.to_string());
+                    false
+                }
+            };
+            if !going_on {
+                break;
+            }
+            progress.set((way.here.motion.t - t0) / total);
+        }
+        let joints = self.eq.joint_coordinates(&way.here.motion);
+        self.run.last = Output { instant: way.here, joints };
+        Ok(())
+    }
+
+    fn controlled(&self) -> bool {
+        matches!(self.plan.steps, Steps::Controlled { .. })
+    }
+
+    fn departure(&self, scheme: &dyn Scheme, here: Instant) -> Way {
+        let h = match self.plan.steps {
+            Steps::Fixed(h) => h,
+            Steps::Controlled { rtol, first, longest } => {
+                first.unwrap_or_else(|| self.first_step(&here, rtol, scheme.order())).min(longest)
+            }
+        };
+        Way { here, h, failures: 0, after_rejection: false, detour: None, kinked: false, recent: 0.0 }
+    }
+
+    /// The length of the next step, and what it ends at.
+    fn aim(&self, way: &Way) -> Aim {
+        let t = way.here.motion.t;
+        let (mut length, mut target) = self.fitted(&way.here, way.h);
+        if let Some(until) = way.detour.as_ref().and_then(|d| d.end_within(t, length)) {
+            (length, target) = (until - t, Some(until));
+        }
+        // a break is approached from the left; what jumps there belongs to what follows
+        let end = self.plan.end;
+        let broken = target.filter(|t| *t < end && self.plan.breaks.contains(t));
+        if broken.is_some() {
+            length -= (BEFORE_BREAK * end.abs().max(end - self.start)).min(0.5 * length);
+            target = None;
+        }
+        Aim { length, target, broken }
+    }
+
+    /// Goes on from the end of a step; false where that is impossible.
+    fn accepted(
+        &mut self,
+        way: &mut Way,
+        scheme: &mut dyn Scheme,
+        mut step: Step,
+        (size, allowed): (f64, f64),
+        aim: &Aim,
+        counts: &mut Counts,
+    ) -> Result<bool> {
+        if let Some(t) = aim.target {
+            step.end.motion.t = t;
+        }
+        if let Some(name) = self.uncounted.jump(&way.here.motion, &step.end.motion) {
+            self.stop(
+                way.here.motion.t,
+                format!(
+                    "the angle of '{name}' goes over half a turn, which no coordinate of the joints between its bodies counts; carry \
+                     them by hinges (revolute, cylindrical, planar) about nearly that axis"
+                ),
+            );
+            return Ok(false);
+        }
+        let mark = self.mark();
+        let active = active(&mut way.detour, scheme);
+        way.kinked = active.per_unit_step() && self.eq.passes_kink(&way.here.motion, &step.end.motion);
+        self.record(active, &way.here, &mut step, aim.length, counts)?;
+        active.accept(self.eq, &way.here, &step, aim.length);
+        let patience = active.rate_time(aim.length);
+        let tolerance = |e: &LocalError| self.size(e, self.speed, patience) / allowed;
+        let next = match active.proposal(&tolerance) {
+            Some(factor) => self.proposed(way.h, aim.length, factor),
+            None => {
+                let growth = if way.after_rejection { 1.0 } else { GROW };
+                self.next(way.h, aim.length, size, active.power(), growth)
+            }
+        };
+        way.h = next;
+        way.failures = 0;
+        way.after_rejection = false;
+        let faded = way.recent * (-FADING * aim.length / way.recent.max(aim.length)).exp();
+        way.recent = aim.length.max(faded);
+        let seen = self.watch.see(self.eq, (&way.here, &step.end), mark, counts);
+        way.here = step.end;
+        self.run.local.push(size);
+        self.run.steps.push(aim.broken.unwrap_or(way.here.motion.t));
+        counts.add("steps", 1);
+        if seen == Seen::Impossible {
+            return Ok(self.lost(&way.here, "rates grow beyond all bounds", counts));
+        }
+        if seen == Seen::Turned {
+            return Ok(self.cross_again(way, scheme, counts) || self.lost(&way.here, "the motion turned", counts));
+        }
+        if let Some(t) = aim.broken {
+            // rates of drives may jump: an impact
+            way.here.motion.t = t;
+            scheme.reset();
+            self.watch.forget();
+            match self.eq.consistent(way.here.motion.clone(), counts) {
+                Ok(after) => way.here = after,
+                Err(error) => {
+                    self.stop(t, error.to_string());
+                    return Ok(false);
+                }
+            }
+        }
+        Ok(true)
+    }
+
+    /// A shorter step, or a way around; false where neither helps.
+    fn rejected(
+        &mut self,
+        way: &mut Way,
+        scheme: &mut dyn Scheme,
+        shorter: f64,
+        why: String,
+        counts: &mut Counts,
+    ) -> bool {
+        let t = way.here.motion.t;
+        self.run.rejected += 1;
+        counts.add("rejected steps", 1);
+        way.failures += 1;
+        way.after_rejection = true;
+        way.h = shorter;
+        if let Some(detour) = way.detour.take() {
+            // nearer to the pose first
+            self.watch.own_until = t + detour.nearer;
+            way.h = detour.before.min(detour.nearer);
+            way.after_rejection = false;
+        } else if self.watch.collapsed(shorter) && self.cross_again(way, scheme, counts) {
+            return true;
+        }
+        // a fixed step is divided where its equations have no solution, as in singular poses
+        let most = if self.controlled() { MAX_FAILURES } else { DIVISIONS };
+        if self.vanishes(shorter, t) || way.failures > most {
+            // steps that were accepted are as short beside the whole as this one
+            let why = if t > self.start && self.vanishes(way.recent, t) {
+                format!("1e14 steps of {shorter:.1e} s would not reach the end; take a shorter time")
+            } else {
+                why
+            };
+            return self.lost(&way.here, &why, counts);
+        }
+        true
+    }
+
+    /// The smallest tolerance that rounding allows near a singular pose; none far from one.
+    fn finest(&self, way: &Way) -> f64 {
+        if way.detour.is_some() { FINEST_CROSSING } else { self.watch.noise().min(FINEST_CROSSING) }
+    }
+
+    fn mark(&self) -> Mark {
+        Mark { outputs: self.run.outputs.len(), next_output: self.next_output, steps: self.run.steps.len() }
+    }
+
+    /// Is a singular pose so near that a step would end or have a stage in its noise? Then the step is made shorter, or another crosses.
+    fn look_ahead(&mut self, way: &mut Way, scheme: &dyn Scheme, counts: &mut Counts) {
+        let Steps::Controlled { rtol, .. } = self.plan.steps else { return };
+        let t = way.here.motion.t;
+        let wanted = scheme.crossing().filter(|_| way.detour.is_none() && t >= self.watch.own_until);
+        let rounding = scheme.rounding();
+        let Some(own) = wanted.filter(|_| self.eq.minds_singular_poses(&way.here.motion.rate, way.h, rtol, rounding))
+        else {
+            return;
+        };
+        let speed = self.scaled(&way.here.motion.rate);
+        let reach = way.h * 2.0 + if own { 0.0 } else { FARTHEST_CROSSING / speed };
+        let Some(hold) = self.watch.near(self.eq, &way.here, speed * reach, counts) else { return };
+        let Some(ahead) = self.eq.way_to_singular_pose(&way.here, hold, counts).filter(|a| *a <= reach) else {
+            self.watch.own_until = t + 0.5 * hold / speed;
+            return;
+        };
+        let chosen = passage(&Approach { ahead, h: way.h, speed, slope: hold / ahead, rtol }, scheme);
+        match chosen {
+            Passage::Own => self.watch.own_until = t + 0.3 * ahead,
+            Passage::Shorter(h) => way.h = h,
+            Passage::Crossing(length) if speed * ahead > NEAREST_CROSSING => {
+                counts.add("detours", 1);
+                way.detour = Some(Detour::of((t, ahead), length, way.h, self.watch.again));
+                way.h = length;
+            }
+            Passage::Crossing(_) => self.watch.own_until = t + 2.0 * ahead,
+        }
+    }
+
+    /// Back to before the singular pose, and across it by another step; false where that was done often enough.
+    fn cross_again(&mut self, way: &mut Way, scheme: &mut dyn Scheme, counts: &mut Counts) -> bool {
+        let Steps::Controlled { .. } = self.plan.steps else { return false };
+        let (Some(gap), true) = (again(self.watch.again), scheme.crossing().is_some()) else { return false };
+        let Some(shore) = self.watch.shore.take_if(|s| s.is_passable(&self.scales)) else { return false };
+        counts.add("crossings again", 1);
+        self.run.outputs.truncate(shore.mark.outputs);
+        self.run.steps.truncate(shore.mark.steps);
+        self.run.local.truncate(shore.mark.steps - 1);
+        self.next_output = shore.mark.next_output;
+        let passed = shore.pose_after();
+        (way.here, way.h, way.failures, way.after_rejection) = (shore.instant, shore.h, 0, false);
+        self.watch.return_to(self.eq, &way.here, counts);
+        let ahead = self.eq.way_to_singular_pose(&way.here, self.watch.hold, counts).unwrap_or(passed);
+        let t = way.here.motion.t;
+        way.detour = Some(Detour::of((t, ahead), ahead / gap, shore.h, self.watch.again));
+        way.h = ahead / gap;
+        scheme.reset();
+        true
+    }
+
+    /// The run ends; where rows lose rank, they are the reason.
+    fn lost(&mut self, here: &Instant, why: &str, counts: &mut Counts) -> bool {
+        let message = match self.watch.losing_rank(self.eq, here, counts) {
+            None => why.to_string(),
+            Some((t, names)) => format!(
+                "near t = {t:.9} s the rows of {names} lose rank: a pose beyond which its loops or drives cannot go on, or in which two \
+                 motions meet that rounding cannot tell apart; keep the drive or the start from this pose, or take a larger rtol ({why})"
+            ),
+        };
+        self.stop(here.motion.t, message);
+        false
+    }
+
+    /// A shorter step that ends where a slider turns.
+    fn turned(&mut self, way: &mut Way, shorter: f64, counts: &mut Counts) -> bool {
+        let t = way.here.motion.t;
+        counts.add("turns of sliders", 1);
+        way.failures += 1;
+        way.h = shorter;
+        if self.vanishes(shorter, t) || way.failures > MAX_FAILURES {
+            self.stop(t, "a slider turns again and again".into());
+            return false;
+        }
+        true
+    }
+
+    /// Such a step would not change the time.
+    fn vanishes(&self, step: f64, t: f64) -> bool {
+        step <= SAME_INSTANT * t.abs().max(self.plan.end - self.start)
+    }
+
+    fn stop(&mut self, t: f64, message: String) {
+        self.run.end = End::Stopped { t, message };
+    }
+
+    /// The step that does not pass the end or a break, and the time it must hit exactly.
+    fn fitted(&self, here: &Instant, h: f64) -> (f64, Option<f64>) {
+        let t = here.motion.t;
+        let ahead = self.plan.breaks.iter().copied().find(|b| *b > t + SAME_INSTANT * self.plan.end.abs());
+        // what changes at a break must not change within the step that ends there
+        let (target, left) = match ahead.filter(|b| *b <= self.plan.end) {
+            // no step follows on a break that is the end but for rounding
+            Some(b) if self.vanishes(self.plan.end - b, b) => (self.plan.end, b - t - 4.0 * f64::EPSILON * b.abs()),
+            Some(b) => (b, b - t - 4.0 * f64::EPSILON * b.abs()),
+            None => (self.plan.end, self.plan.end - t),
+        };
+        if let Steps::Fixed(grid) = self.plan.steps {
+            return self.on_grid(t, h, grid, target, left);
+        }
+        if h >= left * (1.0 - SAME_LENGTH) {
+            (left, Some(target))
+        } else if h > 0.5 * left {
+            // two equal steps instead of one and a splinter
+            (0.5 * left, None)
+        } else {
+            (h, None)
+        }
+    }
+
+    /// To the next multiple of the fixed step, or to a break or the end before it.
+    fn on_grid(&self, t: f64, h: f64, grid: f64, target: f64, left: f64) -> (f64, Option<f64>) {
+        let next = self.start + grid * (((t - self.start) / grid + ON_GRID).floor() + 1.0);
+        let cut = next >= target - SAME_LENGTH * grid;
+        let aim = if cut { target } else { next };
+        if h < (aim - t) * (1.0 - ON_GRID) {
+            (h, None)
+        } else if cut && left < target - t {
+            // a whole step would end behind the break
+            (left, Some(aim))
+        } else if (aim - t - grid).abs() < SAME_LENGTH * grid {
+            // whole steps have one length, so that factorisations and histories stay
+            (grid, Some(aim))
+        } else {
+            (aim - t, Some(aim))
+        }
+    }
+
+    /// `allowed`: local error of the step; `patience`, `power`: of the scheme
+    fn judged(
+        &self,
+        tried: Result<Step>,
+        way: &Way,
+        (allowed, per_unit_step): (f64, bool),
+        (patience, power): (f64, f64),
+    ) -> Verdict {
+        let here = &way.here;
+        let step = match tried {
+            Ok(step) => step,
+            Err(error @ (Error::Convergence { .. } | Error::Singular(_))) => {
+                return Verdict::Rejected(0.25, error.to_string());
+            }
+            Err(error) => return Verdict::Fatal(error),
+        };
+        let Some(error) = &step.error else {
+            return Verdict::Accepted(Box::new(step), 0.0, allowed);
+        };
+        // what starts from rest without force has no rate of its own yet
+        let reached = self.scaled(&step.end.motion.rate);
+        let error_size = self.size(error, self.speed.max(reached), patience);
+        let (mut size, mut allowed) = (error_size / allowed, allowed);
+        let passes = || way.kinked || self.eq.passes_kink(&here.motion, &step.end.motion);
+        // at a kink the error falls with a lower power of the step: a kink may cost what a unit of time may
+        let kinked = size > 1.0 && passes();
+        if let (Steps::Controlled { rtol, .. }, true, true) = (self.plan.steps, kinked, per_unit_step) {
+            allowed = allowed.max(rtol);
+            size = error_size / allowed;
+        }
+        if size <= 1.0 {
+            let turn = match self.plan.steps {
+                Steps::Controlled { rtol, .. } => self.eq.reversal(&here.motion, &step.end.motion, rtol),
+                Steps::Fixed(_) => None,
+            };
+            return match turn {
+                Some(part) => Verdict::Turned(part),
+                None => Verdict::Accepted(Box::new(step), size, allowed),
+            };
+        }
+        let reason = match kinked {
+            true => "where a law has a kink or a slider turns",
+            false => "where something jumps or changes faster than any step can follow",
+        };
+        let why = format!(
+            "no step is short enough: the estimated error of '{}' is {size:.1e} times the tolerance, {reason}; take a larger rtol, or \
+             another method",
+            self.culprit(error)
+        );
+        let factor = if size.is_finite() { (SAFETY * size.powf(-1.0 / power)).clamp(0.1, 0.9) } else { 0.1 };
+        Verdict::Rejected(factor, why)
+    }
+
+    /// What the local error of a step may be; infinite for fixed steps.
+    fn tolerance(&self, scheme: &dyn Scheme, h: f64) -> f64 {
+        match self.plan.steps {
+            Steps::Fixed(_) => f64::INFINITY,
+            Steps::Controlled { rtol, .. } if scheme.per_unit_step() => {
+                rtol * (self.plan.share * h / (self.plan.end - self.start)).min(1.0)
+            }
+            Steps::Controlled { rtol, .. } => rtol,
+        }
+    }
+
+    /// Errors of rates count for the time of the motion, or for `patience` where that is shorter.
+    fn size(&self, error: &LocalError, speed: f64, patience: f64) -> f64 {
+        let rate = self.scaled(&error.rate) * (1.0 / speed.max(f64::MIN_POSITIVE)).min(patience);
+        let position = self.scaled(&error.position);
+        let state = scaled(&error.state, &self.states);
+        if rate.is_nan() || position.is_nan() || state.is_nan() { f64::NAN } else { rate.max(position).max(state) }
+    }
+
+    /// The coordinate whose error is the largest.
+    fn culprit(&self, error: &LocalError) -> &str {
+        let size = |i: usize| {
+            (error.position[i].abs().max(error.rate[i].abs() / self.speed.max(f64::MIN_POSITIVE))) / self.scales[i]
+        };
+        let worst = (0..self.scales.len()).max_by(|i, j| size(*i).total_cmp(&size(*j)));
+        worst.map_or("", |i| &self.eq.topology().names[i])
+    }
+
+    /// The next step by a scheme's own proposal; one that was cut short for an output or the end says little.
+    fn proposed(&self, wanted: f64, length: f64, factor: f64) -> f64 {
+        let Steps::Controlled { longest, .. } = self.plan.steps else {
+            return self.plan.steps.longest();
+        };
+        let next = length * factor;
+        (if length < 0.5 * wanted { next.max(wanted * factor.min(1.0)) } else { next }).min(longest)
+    }
+
+    fn next(&self, wanted: f64, length: f64, size: f64, power: f64, growth: f64) -> f64 {
+        let Steps::Controlled { longest, .. } = self.plan.steps else {
+            return self.plan.steps.longest();
+        };
+        let factor = (SAFETY * size.max(f64::MIN_POSITIVE).powf(-1.0 / power)).clamp(SHRINK, growth);
+        let next = length * factor;
+        // a step that was cut short says little about longer ones
+        (if length < wanted { next.max(wanted * factor.min(1.0)) } else { next }).min(longest)
+    }
+
+    /// Outputs up to the end of the step, then the memory of the laws.
+    fn record(
+        &mut self,
+        scheme: &mut dyn Scheme,
+        here: &Instant,
+        step: &mut Step,
+        h: f64,
+        counts: &mut Counts,
+    ) -> Result<()> {
+        let eq = self.eq;
+        let end = step.end.motion.t;
+        let mut inside = Vec::new();
+        let mut at_end = 0;
+        if let Some(times) = &self.plan.outputs {
+            while let Some(t) = times.get(self.next_output).filter(|t| **t <= end) {
+                if *t == end {
+                    at_end += 1;
+                } else {
+                    inside.push(*t);
+                }
+                self.next_output += 1;
+            }
+        }
+        if !inside.is_empty() {
+            let fractions: Vec<f64> = inside.iter().map(|t| (t - here.motion.t) / h).collect();
+            let motions: Vec<Motion<f64>> = scheme.between(eq, here, step, h, &fractions, counts)?;
+            for (mut m, t) in motions.into_iter().zip(inside) {
+                counts.add("interpolations", 1);
+                m.t = t;
+                let instant = eq.consistent(m, counts)?;
+                self.put(instant);
+            }
+        }
+        eq.remember(&mut step.end.motion, counts);
+        if self.plan.outputs.is_none() {
+            at_end = 1;
+        }
+        for _ in 0..at_end {
+            self.put(step.end.clone());
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,80 @@
+//! What a run is asked for, and what comes back.
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use super::Instant;
+
+/// How steps are chosen.
+#[derive(Debug, Clone, Copy)]
+pub enum Steps {
+    Fixed(f64),
+    /// sum of the local errors of positions (characteristic lengths, radians) and of rates (over the largest rate)
+    Controlled {
+        rtol: f64,
+        first: Option<f64>,
+        longest: f64,
+    },
+}
+
+impl Steps {
+    pub(super) fn longest(&self) -> f64 {
+        match self {
+            Steps::Fixed(h) => *h,
+            Steps::Controlled { longest, .. } => *longest,
+        }
+    }
+}
+
+pub struct Plan {
+    pub end: f64,
+    pub steps: Steps,
+    /// None: every accepted step
+    pub outputs: Option<Vec<f64>>,
+    /// times at which a step must end and histories start anew, ascending
+    pub breaks: Vec<f64>,
+    pub max_steps: usize,
+    /// how many tolerances the errors may add up to of schemes that hold that of a unit of time: where what they add up to does not
+    /// last, the error of the motion is one (`share`)
+    pub share: f64,
+}
+
+#[derive(Debug, Clone)]
+pub enum End {
+    Finished,
+    Interrupted,
+    /// when, and why
+    Stopped {
+        t: f64,
+        message: String,
+    },
+}
+
+/// An instant, and the coordinates of all joints (`Equations::joint_coordinates`), angles continuous over turns.
+pub struct Output {
+    pub instant: Instant,
+    pub joints: Vec<f64>,
+}
+
+pub struct Run {
+    pub outputs: Vec<Output>,
+    /// times of all accepted steps, the start included
+    pub steps: Vec<f64>,
+    /// estimated local error of every step over its tolerance
+    pub local: Vec<f64>,
+    pub rejected: usize,
+    pub end: End,
+    pub last: Output,
+}
+
+/// Progress as a part of the whole, readable from another thread.
+#[derive(Debug, Default)]
+pub struct Progress(AtomicU64);
+
+impl Progress {
+    pub(super) fn set(&self, part: f64) {
+        self.0.store(part.to_bits(), Ordering::Relaxed);
+    }
+
+    pub fn get(&self) -> f64 {
+        f64::from_bits(self.0.load(Ordering::Relaxed))
+    }
+}

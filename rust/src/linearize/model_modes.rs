@@ -1,0 +1,95 @@
+//! Modes of a linearised model, with the factors of its own mass and stiffness where assembled matrices have lost digits.
+use faer::Mat;
+use nalgebra::DMatrix;
+
+use crate::error::{Error, Result};
+use crate::linearize::parts::Parts;
+use crate::linearize::stiffness_factor::{is_strained, stiffness_factor};
+use crate::linearize::strain_rows::clear_strains;
+use crate::linearize::{Linearization, Setting};
+use crate::multibody::placement::place;
+use crate::second_order::SecondOrder;
+use crate::second_order::modal::{Kind, Modal, modes};
+use crate::spatial::V3;
+
+fn square(x: &DMatrix<f64>) -> Mat<f64> {
+    Mat::from_fn(x.nrows(), x.ncols(), |i, j| x[(i, j)])
+}
+
+/// The matrices of a linearised state.
+pub fn second_order(made: &Linearization, parts: &Parts) -> Result<SecondOrder> {
+    let given = |x: &Option<DMatrix<f64>>| x.as_ref().map(square);
+    SecondOrder::new(
+        square(&made.matrices.mass),
+        given(&parts.damping),
+        given(&parts.gyroscopic),
+        square(&parts.stiffness),
+        given(&parts.circulatory),
+        None,
+    )
+}
+
+/// All modes. `elastic`: whether the stiffness holds elastic elements alone; None where the caller has to decide that, if it matters.
+/// None is returned where the caller has to solve: that, and light bodies beside flexible ones.
+pub fn model_modes(
+    setting: &Setting<'_>,
+    made: &Linearization,
+    parts: &Parts,
+    plain: &SecondOrder,
+    elastic: Option<bool>,
+) -> Result<Option<Modal>> {
+    let mut heavy = None;
+    let found = match modes(plain) {
+        Ok(found) if !found.light() => found,
+        Err(error) if !matches!(error, Error::Singular(_)) => return Err(error),
+        _ if setting.system.topology.is_flexible() => return Ok(None),
+        _ => {
+            let factor = mass_factor(setting, made);
+            let found = modes(&plain.clone().with_mass_factor(factor.clone())?)?;
+            heavy = Some(factor);
+            found
+        }
+    };
+    let rigid: Vec<usize> = (0..found.kind.len()).filter(|i| found.kind[*i] == Kind::Rigid).collect();
+    let graded = matches!(found.route, "undamped" | "proportional") && (found.blurred() || !rigid.is_empty());
+    if !graded || elastic == Some(false) || setting.state.moving() || parts.circulatory.is_some() {
+        return Ok(Some(found));
+    }
+    if elastic.is_none() {
+        return Ok(None);
+    }
+    let columns: Vec<usize> = (0..made.matrices.mass.nrows()).collect();
+    let Some(factor) = stiffness_factor(&clear_strains(setting, made, &columns)) else { return Ok(Some(found)) };
+    let shape = DMatrix::from_fn(columns.len(), rigid.len(), |i, k| found.shape[(i, rigid[k])].re);
+    if !found.blurred() && !is_strained(&factor, &shape, &made.matrices.mass) {
+        return Ok(Some(found));
+    }
+    let system = SecondOrder { kf: Some(square(&factor)), ..plain.clone() };
+    Ok(Some(modes(&match heavy {
+        None => system,
+        Some(factor) => system.with_mass_factor(factor)?,
+    })?))
+}
+
+/// (6 n_bodies, dof) F with M = F^T F of rigid bodies: it keeps light bodies whose mass M adds to a heavy one's.
+fn mass_factor(setting: &Setting<'_>, made: &Linearization) -> Mat<f64> {
+    let (system, map) = (setting.system, &made.body_map);
+    let placement = place(&system.topology, &system.geometry, &setting.state.q, None);
+    let mut out = Mat::zeros(map.nrows(), map.ncols());
+    for (node, pose) in system.topology.nodes.iter().zip(&placement.pose) {
+        let body = &system.geometry.bodies[node.body];
+        let principal = body.inertia.symmetric_eigen();
+        let (arm, axes) = (pose.r * body.com, pose.r * principal.eigenvectors);
+        for j in 0..map.ncols() {
+            let at = |k: usize| map[(6 * node.body + k, j)];
+            let (moved, turned) = (V3::new(at(0), at(1), at(2)), V3::new(at(3), at(4), at(5)));
+            let moved = (moved - arm.cross(&turned)) * body.mass.sqrt();
+            let turned = axes.transpose() * turned;
+            for k in 0..3 {
+                out[(6 * node.body + k, j)] = moved[k];
+                out[(6 * node.body + 3 + k, j)] = turned[k] * principal.eigenvalues[k].max(0.0).sqrt();
+            }
+        }
+    }
+    out
+}

@@ -1,0 +1,365 @@
+//! The lowest modes of models with thousands of bodies, in absolute coordinates.
+//!
+//! Undamped: shift-invert on the mixed form of `sparse_modal`, which keeps the lowest modes of long chains. Damped: the quadratic
+//! problem on the subspace of the undamped modes, widened by K^-1 times the residuals of the damped pairs until these are small.
+//! A residual counts as the accelerations it would cause in the constrained system, so neither large stiffnesses nor constraint
+//! forces hide it.
+use faer::{Mat, MatMut, MatRef, c64};
+
+use crate::error::{Error, Result};
+use crate::linalg::krylov::Operator;
+use crate::linalg::sparse::{Csc, Factor};
+use crate::linearize::sparse_form::SparseForm;
+use crate::multibody::System;
+use crate::multibody::assemble::Effects;
+use crate::multibody::placement::State;
+use crate::run::{Cancel, Counts};
+use crate::second_order::SecondOrder;
+use crate::second_order::modal::{Modal, modes as dense_modes};
+use crate::second_order::sparse_modal::lowest;
+use crate::second_order::sparse_pencil::{Mixed, Pencil, ShiftInvert};
+use crate::spatial::Map6;
+use crate::tolerances::sparse_modes::RESOLVED;
+
+/// Rounds of widening, and the estimated error of an eigenvalue at which they stop.
+const ROUNDS: usize = 6;
+/// Undamped modes beyond the wanted ones, for damped problems: they speed up the last of the wanted.
+const BUFFER: usize = 8;
+
+pub struct BodyModes {
+    pub form: SparseForm,
+    /// the small problem whose solutions the modes are
+    pub modal: Modal,
+    /// motion of the bodies about their centres of mass, (6 n_bodies, n)
+    pub body: Mat<c64>,
+    /// estimated relative error of each eigenvalue, and the residual it comes from
+    pub error: Vec<f64>,
+    pub residual: Vec<f64>,
+    pub verified: &'static str,
+    pub counts: Counts,
+}
+
+pub fn modes(
+    system: &System,
+    state: &State,
+    effects: Effects,
+    n: usize,
+    sigma: Option<f64>,
+    cancel: &Cancel,
+) -> Result<BodyModes> {
+    let mut counts = Counts::default();
+    let form = SparseForm::new(system, state, effects, &mut counts)?;
+    cancel.check()?;
+    let dof = dof(system, &form);
+    let damped = form.damping.iter().any(|e| e.2 != 0.0);
+    let wanted = if damped { (n + BUFFER).min(dof) } else { n.min(dof) };
+    let pencil = pencil(&form)?;
+    let found = lowest(&pencil, wanted, sigma, cancel)?;
+    counts.merge(&found.counts);
+    let mut space = Subspace::new(&form, &pencil, &found.lambda, found.shape.as_ref());
+    if !damped {
+        let modal = space.solve(false)?;
+        let body = space.combined(&modal, n.min(dof));
+        return Ok(BodyModes {
+            error: found.error.iter().zip(&found.lambda).map(|(e, l)| if *l == 0.0 { 0.0 } else { *e }).collect(),
+            residual: found.residual,
+            verified: found.verified,
+            modal,
+            body,
+            form,
+            counts,
+        });
+    }
+    let (modal, residual) = space.resolve(found.sigma, n.min(dof), &mut counts, cancel)?;
+    let body = space.combined(&modal, n.min(dof));
+    Ok(BodyModes {
+        error: eigenvalue_errors(&modal, &residual),
+        residual,
+        verified: found.verified,
+        modal,
+        body,
+        form,
+        counts,
+    })
+}
+
+pub fn dof(system: &System, form: &SparseForm) -> usize {
+    form.loops.as_ref().map_or(system.n_tree(), |l| l.independent.len())
+}
+
+/// M, and the augmented matrix [[K_geo, G^T], [G, -compliance]].
+fn pencil(form: &SparseForm) -> Result<Mixed> {
+    let n = 6 * form.mass.len();
+    let all = n + form.compliance.len();
+    let mut a = form.geometric.clone();
+    a.reserve(2 * form.rows.len() + form.compliance.len());
+    for (i, j, v) in &form.rows {
+        a.push((n + i, *j, *v));
+        a.push((*j, n + i, *v));
+    }
+    for (i, c) in form.compliance.iter().enumerate() {
+        a.push((n + i, n + i, -c));
+    }
+    Mixed::new(mass(form), Csc::from_entries(all, all, a))
+}
+
+fn mass(form: &SparseForm) -> Csc {
+    let n = 6 * form.mass.len();
+    let entries = form.mass.iter().enumerate().flat_map(|(b, m)| {
+        let shift = move |i: usize, j: usize, v: f64| (6 * b + i, 6 * b + j, v);
+        let linear = (0..3).map(move |i| shift(i, i, m.ll[(i, i)]));
+        let angular = (0..9).map(move |k| shift(3 + k % 3, 3 + k / 3, m.aa[(k % 3, k / 3)]));
+        linear.chain(angular).filter(|e| e.2 != 0.0)
+    });
+    Csc::from_entries(n, n, entries.collect())
+}
+
+/// [[M, Phi^T], [Phi, 0]]: accelerations of the constrained system.
+fn constrained_mass(form: &SparseForm, m: &Csc) -> Result<Factor> {
+    let n = m.rows;
+    let mut place = vec![None; form.compliance.len()];
+    let mut count = 0;
+    for (i, c) in form.compliance.iter().enumerate() {
+        if *c == 0.0 {
+            place[i] = Some(n + count);
+            count += 1;
+        }
+    }
+    let mut a: Vec<_> = m.entries().collect();
+    for (i, j, v) in &form.rows {
+        if let Some(i) = place[*i] {
+            a.push((i, *j, *v));
+            a.push((*j, i, *v));
+        }
+    }
+    Factor::lu(&Csc::from_entries(n + count, n + count, a))
+}
+
+/// A basis Z with M Z, C Z and K Z, the last up to forces of constraints: known exactly, where multiplying by K of a long chain
+/// would be all rounding.
+struct Subspace<'a> {
+    form: &'a SparseForm,
+    pencil: &'a Mixed,
+    c: Csc,
+    lambda: Vec<f64>,
+    z: Mat<f64>,
+    mz: Mat<f64>,
+    cz: Mat<f64>,
+    kz: Mat<f64>,
+}
+
+fn product(a: &Csc, x: MatRef<'_, f64>) -> Mat<f64> {
+    let mut out = Mat::zeros(a.rows, x.ncols());
+    a.multiply(x, out.as_mut(), false);
+    out
+}
+
+impl<'a> Subspace<'a> {
+    fn new(form: &'a SparseForm, pencil: &'a Mixed, lambda: &[f64], x: MatRef<'_, f64>) -> Self {
+        let n = x.nrows();
+        let c = Csc::from_entries(n, n, form.damping.clone());
+        let mz = product(pencil.mass(), x);
+        Subspace {
+            kz: Mat::from_fn(n, x.ncols(), |i, j| mz[(i, j)] * lambda[j]),
+            cz: product(&c, x),
+            z: x.to_owned(),
+            lambda: lambda.to_vec(),
+            mz,
+            c,
+            form,
+            pencil,
+        }
+    }
+
+    /// Z^T (M, C, K) Z. The basis is M-orthonormal, and M phi of the undamped modes meets nothing else: what products make of
+    /// these zeros is rounding times the largest eigenvalue.
+    fn solve(&self, damped: bool) -> Result<Modal> {
+        let (n, known) = (self.z.ncols(), self.lambda.len());
+        let m = Mat::identity(n, n);
+        let k = self.z.transpose() * &self.kz;
+        let k = Mat::from_fn(n, n, |i, j| match (i < known, j < known) {
+            (true, true) if i == j => self.lambda[i],
+            (true, true) => 0.0,
+            (true, false) => k[(j, i)],
+            (false, true) => k[(i, j)],
+            (false, false) => 0.5 * (k[(i, j)] + k[(j, i)]),
+        });
+        let c = damped.then(|| {
+            let c = self.z.transpose() * &self.cz;
+            Mat::from_fn(n, n, |i, j| 0.5 * (c[(i, j)] + c[(j, i)]))
+        });
+        dense_modes(&SecondOrder::new(m, c, None, k, None, None)?)
+    }
+
+    fn combined(&self, modal: &Modal, n: usize) -> Mat<c64> {
+        combine(&self.z, modal.shape.subcols(0, n))
+    }
+
+    /// Widen until the residuals of the first n pairs are small.
+    fn resolve(&mut self, sigma: f64, n: usize, counts: &mut Counts, cancel: &Cancel) -> Result<(Modal, Vec<f64>)> {
+        let accelerations = constrained_mass(self.form, self.pencil.mass())?;
+        counts.add("factorisations", 1);
+        let mut inverse: Option<ShiftInvert<'_>> = None;
+        let pencil = self.pencil;
+        let mut before = f64::INFINITY;
+        for round in 0..=ROUNDS {
+            cancel.check()?;
+            let modal = self.solve(true)?;
+            let (r, residual) = self.residuals(&modal, n, &accelerations);
+            counts.add("damped subspaces", 1);
+            let error = eigenvalue_errors(&modal, &residual);
+            let open: Vec<usize> = (0..n).filter(|k| error[*k] > RESOLVED).collect();
+            let worst = open.iter().map(|k| residual[*k]).fold(0.0, f64::max);
+            // rounding sets a floor to residuals, which count the highest accelerations most
+            let stalled = round > 1 && worst > 0.5 * before;
+            if open.is_empty() || stalled || round == ROUNDS {
+                return Ok((modal, residual));
+            }
+            before = worst;
+            let op = match &inverse {
+                Some(op) => op,
+                None => {
+                    counts.add("factorisations", 1);
+                    inverse.insert(pencil.shifted(sigma)?)
+                }
+            };
+            self.widen(op, sigma, &r, &open)?;
+        }
+        Err(Error::singular("the damped subspace was not solved"))
+    }
+
+    /// r = s^2 M y + s C y + K y, and its size as acceleration over that of s^2 y.
+    fn residuals(&self, modal: &Modal, n: usize, factor: &Factor) -> (Mat<c64>, Vec<f64>) {
+        let q = modal.shape.subcols(0, n);
+        let (my, cy, ky) = (combine(&self.mz, q), combine(&self.cz, q), combine(&self.kz, q));
+        let rows = self.z.nrows();
+        let s = &modal.s;
+        let r = Mat::from_fn(rows, n, |i, k| s[k] * s[k] * my[(i, k)] + s[k] * cy[(i, k)] + ky[(i, k)]);
+        let accelerate = |a: &Mat<c64>| {
+            let mut rhs = Mat::zeros(factor.n(), 2 * n);
+            for k in 0..n {
+                for i in 0..rows {
+                    rhs[(i, k)] = a[(i, k)].re;
+                    rhs[(i, n + k)] = a[(i, k)].im;
+                }
+            }
+            let given = rhs.clone();
+            factor.solve(rhs.as_mut());
+            let energy = |k: usize| (0..rows).map(|i| given[(i, k)] * rhs[(i, k)]).sum::<f64>().max(0.0);
+            (0..n).map(|k| (energy(k) + energy(n + k)).sqrt()).collect::<Vec<_>>()
+        };
+        let (size, inertia, elastic) = (accelerate(&r), accelerate(&my), accelerate(&ky));
+        let relative = (0..n)
+            .map(|k| {
+                let scale = s[k].norm_sqr() * inertia[k] + elastic[k];
+                if scale > 0.0 { size[k] / scale } else { 0.0 }
+            })
+            .collect();
+        (r, relative)
+    }
+
+    /// Add K^-1 r, orthogonal to what is there; (K - sigma M) w = r gives K w = r + sigma M w.
+    fn widen(&mut self, op: &ShiftInvert<'_>, sigma: f64, r: &Mat<c64>, open: &[usize]) -> Result<()> {
+        let rows = self.z.nrows();
+        let mut force = Mat::zeros(rows, 2 * open.len());
+        for (k, column) in open.iter().enumerate() {
+            for i in 0..rows {
+                force[(i, 2 * k)] = r[(i, *column)].re;
+                force[(i, 2 * k + 1)] = r[(i, *column)].im;
+            }
+        }
+        let mut weighed = force.clone();
+        divide_by_mass(&self.form.mass, weighed.as_mut())?;
+        let mut w = Mat::zeros(rows, force.ncols());
+        op.apply(weighed.as_ref(), w.as_mut())?;
+        let mut kw = force;
+        let mw = product(self.pencil.mass(), w.as_ref());
+        kw += faer::Scale(sigma) * &mw;
+        for c in 0..w.ncols() {
+            self.append(w.col(c).to_owned(), kw.col(c).to_owned());
+        }
+        Ok(())
+    }
+
+    fn append(&mut self, mut w: faer::Col<f64>, mut kw: faer::Col<f64>) {
+        let m = self.pencil.mass();
+        let norm = |x: &faer::Col<f64>| {
+            let mx = product(m, x.as_mat());
+            (0..x.nrows()).map(|i| x[i] * mx[(i, 0)]).sum::<f64>().max(0.0).sqrt()
+        };
+        let before = norm(&w);
+        for _ in 0..2 {
+            let h = self.mz.transpose() * &w;
+            w -= &self.z * &h;
+            kw -= &self.kz * &h;
+        }
+        let after = norm(&w);
+        // the remainder of a vector that is nearly inside the space is noise
+        if after.is_nan() || after <= 1e-3 * before {
+            return;
+        }
+        w *= faer::Scale(1.0 / after);
+        kw *= faer::Scale(1.0 / after);
+        let (mw, cw) = (product(m, w.as_mat()), product(&self.c, w.as_mat()));
+        self.z = beside(&self.z, w.as_mat());
+        self.kz = beside(&self.kz, kw.as_mat());
+        self.mz = beside(&self.mz, mw.as_ref());
+        self.cz = beside(&self.cz, cw.as_ref());
+    }
+}
+
+/// Relative errors of the eigenvalues: quadratic in the residual over the distance to the next root, as for all problems
+/// whose left vectors are the shapes (Parlett, The Symmetric Eigenvalue Problem, section 11.7), but never better than linear
+/// where roots meet.
+fn eigenvalue_errors(modal: &Modal, residual: &[f64]) -> Vec<f64> {
+    let estimate = |(k, r): (usize, &f64)| {
+        let s = modal.s[k];
+        let own = modal
+            .groups
+            .iter()
+            .find(|(first, n)| (*first..first + n).contains(&k))
+            .map_or(k..k + 1, |(first, n)| *first..first + n);
+        let others = (0..modal.s.len()).filter(|j| !own.contains(j)).map(|j| (modal.s[j] - s).norm());
+        let gap = others.fold((modal.partner[k] - s).norm(), f64::min) / s.norm();
+        let quadratic = 4.0 * r * r / gap;
+        let linear = *r;
+        let found = if modal.near_defective[k] || !quadratic.is_finite() { linear } else { quadratic.min(linear) };
+        found + modal.error[k]
+    };
+    residual.iter().enumerate().map(estimate).collect()
+}
+
+fn beside(a: &Mat<f64>, b: MatRef<'_, f64>) -> Mat<f64> {
+    let n = a.ncols();
+    let mut out = Mat::zeros(a.nrows(), n + b.ncols());
+    out.as_mut().subcols_mut(0, n).copy_from(a);
+    out.as_mut().subcols_mut(n, b.ncols()).copy_from(b);
+    out
+}
+
+fn combine(z: &Mat<f64>, q: MatRef<'_, c64>) -> Mat<c64> {
+    let part = |f: &dyn Fn(c64) -> f64| {
+        let q = Mat::from_fn(q.nrows(), q.ncols(), |i, j| f(q[(i, j)]));
+        z * q
+    };
+    let (re, im) = (part(&|v| v.re), part(&|v| v.im));
+    Mat::from_fn(z.nrows(), q.ncols(), |i, j| c64::new(re[(i, j)], im[(i, j)]))
+}
+
+fn divide_by_mass(mass: &[Map6<f64>], mut x: MatMut<'_, f64>) -> Result<()> {
+    for (b, m) in mass.iter().enumerate() {
+        let inverse =
+            m.aa.try_inverse().ok_or_else(|| Error::singular(format!("body {b} has no rotational inertia")))?;
+        for c in 0..x.ncols() {
+            for k in 0..3 {
+                x[(6 * b + k, c)] /= m.ll[(k, k)];
+            }
+            let old = crate::spatial::V3::from_fn(|k, _| x[(6 * b + 3 + k, c)]);
+            let new = inverse * old;
+            for k in 0..3 {
+                x[(6 * b + 3 + k, c)] = new[k];
+            }
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,87 @@
+//! Islands: bodies that joints, elements, couplers or constraints connect, ground left out. No force passes from one to another, so that what counts
+//! as rounding of one does not depend on the others.
+use crate::model::tables::{BodyRef, Tables};
+use crate::multibody::assemble::Scene;
+use crate::multibody::connector::{Wanted, interaction, load_interaction};
+use crate::multibody::topology::{Connector, Node, Topology};
+use crate::spatial::{Real, Six};
+
+/// The island of each node, counted from zero.
+pub fn islands(tables: &Tables, nodes: &[Node], node_of_body: &[usize], connectors: &[Connector]) -> Vec<usize> {
+    let mut root: Vec<usize> = (0..nodes.len()).collect();
+    let mut join = |i: usize, j: usize| {
+        let (a, b) = (find(&mut root, i), find(&mut root, j));
+        root[a.max(b)] = a.min(b);
+    };
+    let bodies = |ends: [BodyRef; 2]| ends.into_iter().flatten().map(|b| node_of_body[b]).collect::<Vec<_>>();
+    for (i, node) in nodes.iter().enumerate() {
+        node.parent.into_iter().for_each(|p| join(i, p));
+    }
+    let joints = tables.joints.iter().map(|j| bodies([j.a, j.b]));
+    let elastic = connectors.iter().map(|c| bodies([c.a, c.b]));
+    let coupled = tables.couplers.iter().map(|c| {
+        let ends = c.joints.iter().flat_map(|j| bodies([tables.joints[*j].a, tables.joints[*j].b]));
+        ends.collect::<Vec<_>>()
+    });
+    let bound = (0..tables.constraints.len()).map(|c| {
+        let ends = tables.motions_of(c).flat_map(|(j, _)| bodies([tables.joints[j].a, tables.joints[j].b]));
+        ends.collect::<Vec<_>>()
+    });
+    for ends in joints.chain(elastic).chain(coupled).chain(bound) {
+        ends.windows(2).for_each(|pair| join(pair[0], pair[1]));
+    }
+    let roots: Vec<usize> = (0..nodes.len()).map(|i| find(&mut root, i)).collect();
+    let mut first: Vec<usize> = roots.clone();
+    first.sort_unstable();
+    first.dedup();
+    roots.iter().map(|r| first.partition_point(|f| f < r)).collect()
+}
+
+fn find(root: &mut [usize], mut i: usize) -> usize {
+    while root[i] != i {
+        root[i] = root[root[i]];
+        i = root[i];
+    }
+    i
+}
+
+impl Topology {
+    /// The island of a tree coordinate.
+    pub fn island_of(&self, coordinate: usize) -> usize {
+        self.island[self.dofs[coordinate].node]
+    }
+
+    pub fn n_islands(&self) -> usize {
+        self.island.iter().max().map_or(0, |i| i + 1)
+    }
+}
+
+impl<T: Real> Scene<'_, T> {
+    /// The sum of the sizes of all forces at work in each island, moments over a length: weight and inertia, loads, connectors.
+    pub fn force_sizes(&self, length: f64) -> Vec<f64> {
+        let topology = self.topology;
+        let mut sizes = vec![0.0; topology.n_islands()];
+        let size = |w: &Six<T>| w.l.map(|v| v.re()).norm() * length + w.a.map(|v| v.re()).norm();
+        let inertia = self.inertia(self.effects.centrifugal).forces().unwrap_or_default();
+        for (node, w) in inertia.iter().enumerate() {
+            sizes[topology.island[node]] += size(w);
+        }
+        let wanted = self.effects.wanted();
+        for (i, load) in topology.tables.loads.iter().enumerate().filter(|(_, l)| l.mode.is_none()) {
+            let acting = load_interaction(topology, self.geometry, self.placement, i, self.t, wanted);
+            sizes[topology.island[topology.node_of_body[load.body]]] += size(&acting.wrench);
+        }
+        for acting in self.air_forces() {
+            if let Some(node) = topology.node(acting.b) {
+                sizes[topology.island[node]] += size(&acting.wrench);
+            }
+        }
+        for c in &topology.connectors {
+            let acting = interaction(topology, self.geometry, self.placement, self.numbers(), c, Wanted::FORCES);
+            if let Some(node) = topology.node(c.a).or(topology.node(c.b)) {
+                sizes[topology.island[node]] += size(&acting.wrench);
+            }
+        }
+        sizes
+    }
+}

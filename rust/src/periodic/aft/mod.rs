@@ -1,0 +1,556 @@
+//! Alternating frequency and time: coefficients of u -> samples -> law -> coefficients of the force, and the exact Jacobian.
+//!
+//! With c_k the Fourier coefficients of g = df/du at the samples, the Jacobian of the force coefficients is
+//! dFc_j/da_h = Re(c_{j-h} + c_{j+h}), dFc_j/db_h = Im(c_{j-h} - c_{j+h}), dFs_j/da_h = -Im(c_{j-h} + c_{j+h}),
+//! dFs_j/db_h = Re(c_{j-h} - c_{j+h}), the row j = 0 halved: exact on the grid, aliasing included.
+//! Sharp contacts of periodic motions are not sampled but integrated exactly (`ramps`).
+//! Laws with sliders are marched over two periods, the derivative of each sample carried along; the second period counts. States
+//! with a rate are those of a periodic motion (`periodic_state`).
+//! Source: docs/theory.md (11.4), (11.5); T. M. Cameron, J. H. Griffin, J. Appl. Mech. 56 (1989) 149-154.
+use std::sync::Arc;
+
+use num_complex::Complex64 as c64;
+use num_dual::Dual64;
+
+use super::basis::{Basis, Slots};
+use super::grid::{Grid, Slot};
+use super::periodic_state::{Change, PeriodicState, Samples};
+use super::ramps::{Contact, Ramp};
+use crate::error::Result;
+use crate::force::AnyLaw;
+
+/// Plans, tables and scratch of one thread. Coefficients are [a0, a1, b1, a2, b2, ...].
+pub struct Aft {
+    grid: Grid,
+    slots: Slots,
+    n_c: usize,
+    phase: Vec<f64>,
+    /// exp(i k tau/2) per term where the samples lie in the middle of the usual intervals, else empty
+    turn: Vec<c64>,
+    spectrum: Vec<c64>,
+    u: Vec<f64>,
+    v: Vec<f64>,
+    dv: Vec<f64>,
+    f: Vec<f64>,
+    f_u: Vec<f64>,
+    f_v: Vec<f64>,
+    rate: Vec<f64>,
+    memory: Option<March>,
+    /// of the first term
+    first: f64,
+    /// the terms of a periodic motion, and the coefficients of the last one as the samples see it; no terms on a torus
+    terms: Vec<i32>,
+    motion: Vec<f64>,
+    /// of a contact, n_c x n_c by rows
+    product: Vec<f64>,
+    /// Force coefficients, (n_c).
+    pub force: Vec<f64>,
+    /// Derivative of `force` along the parameter that moves the frequencies, (n_c).
+    pub force_slope: Vec<f64>,
+    /// d force / d coefficients of u, n_c x n_c by rows.
+    pub jacobian: Vec<f64>,
+    /// The part of the force that multiplies the rate: matrix of df/dv, n_c x n_c by rows (for stability).
+    pub damping: Vec<f64>,
+}
+
+/// Tables of the march of laws with memory (periodic motion only).
+struct March {
+    /// basis functions at the samples, n_samples x n_c by rows
+    gamma: Vec<f64>,
+    /// d samples / d coefficients, one contiguous column of samples each
+    columns: Vec<f64>,
+}
+
+/// A law that is evaluated for all samples at once, by whatever lies behind it.
+pub trait Sampled: Send + Sync {
+    /// Force and its slopes by u and v at the samples.
+    fn evaluate(&self, u: &[f64], v: &[f64], f: &mut [f64], f_u: &mut [f64], f_v: &mut [f64]) -> Result<()>;
+}
+
+/// The law of an element.
+#[derive(Clone)]
+pub enum Force {
+    Known(AnyLaw, Vec<f64>),
+    Sampled(Arc<dyn Sampled>),
+}
+
+impl Force {
+    pub fn uses_velocity(&self) -> bool {
+        match self {
+            Force::Known(law, _) => law.uses_velocity(),
+            Force::Sampled(_) => true,
+        }
+    }
+
+    pub fn has_memory(&self) -> bool {
+        matches!(self, Force::Known(law, _) if law.n_memory() > 0)
+    }
+}
+
+/// What `Aft::element` is to compute.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Want {
+    Force,
+    Jacobian,
+    /// df/du and df/dv at the samples, no coefficients
+    Tangents,
+    /// their means over the intervals around the samples
+    Means,
+}
+
+impl Aft {
+    pub fn new(basis: &Basis, dims: &[usize], with_memory: bool) -> Aft {
+        let grid = Grid::new(dims);
+        let slots = Slots::new(basis, &grid);
+        let (n, n_c) = (grid.n_samples(), basis.n_coefficients());
+        let last = dims[dims.len() - 1];
+        // tau of the first dimension, in terms of the excitation
+        let tau = |i: usize| std::f64::consts::TAU * (i / (n / dims[0])) as f64 / dims[0] as f64;
+        let phase: Vec<f64> = (0..n).map(tau).collect();
+        let memory = (with_memory && dims.len() == 1).then(|| March::new(basis, last));
+        Aft {
+            spectrum: vec![c64::new(0.0, 0.0); grid.spectrum_len()],
+            grid,
+            slots,
+            n_c,
+            phase: phase.iter().map(|t| t * basis.subharmonic).collect(),
+            turn: Vec::new(),
+            u: vec![0.0; n],
+            v: vec![0.0; n],
+            dv: vec![0.0; n],
+            f: vec![0.0; n],
+            f_u: vec![0.0; n],
+            f_v: vec![0.0; n],
+            rate: vec![0.0; n_c],
+            memory,
+            first: basis.indices.first().map_or(1.0, |k| f64::from(k[0])),
+            terms: if dims.len() == 1 { basis.indices.iter().map(|k| k[0]).collect() } else { Vec::new() },
+            motion: vec![0.0; n_c],
+            product: Vec::new(),
+            force: vec![0.0; n_c],
+            force_slope: vec![0.0; n_c],
+            jacobian: vec![0.0; n_c * n_c],
+            damping: vec![0.0; n_c * n_c],
+        }
+    }
+
+    /// For periodic motions alone: `n` samples at the middles of n intervals of the period, without tables for laws with memory.
+    pub fn between(basis: &Basis, n: usize) -> Aft {
+        let half = std::f64::consts::PI / n as f64;
+        let mut aft = Aft::new(basis, &[n], false);
+        aft.turn = basis.indices.iter().map(|k| c64::cis(f64::from(k[0]) * half)).collect();
+        for phase in &mut aft.phase {
+            *phase += half * basis.subharmonic;
+        }
+        aft
+    }
+
+    /// Samples per dimension.
+    pub fn dims(&self) -> &[usize] {
+        self.grid.dims()
+    }
+
+    /// The force on the motion with the coefficients `u`; `frequency` of every term and its `slope` along the parameter.
+    pub fn element(&mut self, force: &Force, u: &[f64], frequency: &[f64], slope: &[f64], want: Want) -> Result<()> {
+        let turned: Vec<f64>;
+        let u = if self.turn.is_empty() {
+            u
+        } else {
+            turned = rotated(u, &self.turn);
+            &turned
+        };
+        synthesise(&mut self.grid, &self.slots, &mut self.spectrum, u, &mut self.u);
+        self.motion.copy_from_slice(u);
+        if force.uses_velocity() {
+            derivative(u, frequency, &mut self.rate);
+            synthesise(&mut self.grid, &self.slots, &mut self.spectrum, &self.rate, &mut self.v);
+            if want == Want::Jacobian {
+                derivative(u, slope, &mut self.rate);
+                synthesise(&mut self.grid, &self.slots, &mut self.spectrum, &self.rate, &mut self.dv);
+            }
+        } else {
+            self.v.fill(0.0);
+        }
+        match force {
+            Force::Known(law, p) if law.has_rates() => self.follow(*law, p, frequency, slope, want)?,
+            Force::Known(law, p) if law.has_map() => self.march(*law, p, want)?,
+            Force::Known(law, p) => {
+                let ramps = if self.terms.is_empty() { Vec::new() } else { Ramp::of(*law, p) };
+                self.sample(*law, p, want);
+                self.leave_out(&ramps, want);
+                self.gather(law.uses_velocity(), frequency, want);
+                self.add_contacts(&ramps, want);
+            }
+            Force::Sampled(law) => {
+                law.evaluate(&self.u, &self.v, &mut self.f, &mut self.f_u, &mut self.f_v)?;
+                self.gather(true, frequency, want);
+            }
+        }
+        Ok(())
+    }
+
+    /// Force, and its tangents if wanted, at the samples.
+    fn sample(&mut self, law: AnyLaw, p: &[f64], want: Want) {
+        if want == Want::Force {
+            for i in 0..self.u.len() {
+                self.f[i] = law.force_at(self.phase[i], self.u[i], self.v[i], p, &[], &mut []);
+            }
+            return;
+        }
+        let mut duals = [Dual64::from(0.0); 16];
+        let heap: Vec<Dual64>;
+        let pd: &[Dual64] = if p.len() <= duals.len() {
+            duals.iter_mut().zip(p).for_each(|(d, &x)| *d = Dual64::from(x));
+            &duals[..p.len()]
+        } else {
+            heap = p.iter().map(|&x| Dual64::from(x)).collect();
+            &heap
+        };
+        for i in 0..self.u.len() {
+            let (tau, u, v) = (self.phase[i], self.u[i], self.v[i]);
+            let along_u = law.force_at(tau, Dual64::new(u, 1.0), Dual64::from(v), pd, &[], &mut []);
+            self.f[i] = along_u.re;
+            self.f_u[i] = along_u.eps;
+            if law.uses_velocity() {
+                let along_v = law.force_at(tau, Dual64::from(u), Dual64::new(v, 1.0), pd, &[], &mut []);
+                self.f_v[i] = along_v.eps;
+            }
+        }
+    }
+
+    /// The samples of a law without its ramps.
+    fn leave_out(&mut self, ramps: &[Ramp], want: Want) {
+        if ramps.is_empty() || matches!(want, Want::Tangents | Want::Means) {
+            return;
+        }
+        for ((u, f), f_u) in self.u.iter().zip(&mut self.f).zip(&mut self.f_u) {
+            for (force, slope) in ramps.iter().map(|r| r.force(*u)) {
+                *f -= force;
+                *f_u -= slope;
+            }
+        }
+    }
+
+    /// What the ramps add to the coefficients and their Jacobian, or to the means of the slope.
+    fn add_contacts(&mut self, ramps: &[Ramp], want: Want) {
+        if want == Want::Tangents || !self.u.iter().all(|u| u.is_finite()) {
+            return;
+        }
+        let (n_c, terms) = (self.n_c, &self.terms);
+        for ramp in ramps {
+            let contact = Contact::new(ramp, terms, &self.motion, &self.u);
+            if want == Want::Means {
+                contact.add_means(ramp.slope, &mut self.f_u);
+                continue;
+            }
+            let top = terms.iter().map(|k| 2 * k.unsigned_abs() as usize).max().unwrap_or(0);
+            let chi = contact.spectrum(top);
+            let coefficient = |l: i32| {
+                let c = chi[l.unsigned_abs() as usize];
+                if l < 0 { c.conj() } else { c }
+            };
+            let term = |j: usize| if j == 0 { 0 } else { terms[j - 1] };
+            let pair = |j: usize, h: usize| (coefficient(term(j) - term(h)), coefficient(term(j) + term(h)));
+            self.product.resize(n_c * n_c, 0.0);
+            product_matrix(pair, n_c, &mut self.product);
+            for (row, product) in self.product.chunks_exact(n_c).enumerate() {
+                let sum: f64 = product.iter().zip(&self.motion).map(|(p, u)| p * u).sum();
+                self.force[row] += ramp.slope * (sum - product[0] * ramp.at);
+            }
+            if want == Want::Jacobian {
+                self.jacobian.iter_mut().zip(&self.product).for_each(|(j, p)| *j += ramp.slope * p);
+            }
+        }
+    }
+
+    /// Coefficients of the samples, and the Jacobian from the tangents if wanted.
+    fn gather(&mut self, moving: bool, frequency: &[f64], want: Want) {
+        if matches!(want, Want::Tangents | Want::Means) {
+            if !moving {
+                self.f_v.fill(0.0);
+            }
+            return;
+        }
+        self.analyse_force();
+        if want == Want::Force {
+            return;
+        }
+        self.grid.analyse(&self.f_u, &mut self.spectrum);
+        product_matrix(sampled(&self.slots, &self.spectrum), self.n_c, &mut self.jacobian);
+        self.force_slope.fill(0.0);
+        if moving {
+            self.add_rate_terms(frequency);
+        } else {
+            self.damping.fill(0.0);
+            self.f_v.fill(0.0);
+        }
+    }
+
+    fn add_rate_terms(&mut self, frequency: &[f64]) {
+        let n_c = self.n_c;
+        self.grid.analyse(&self.f_v, &mut self.spectrum);
+        product_matrix(sampled(&self.slots, &self.spectrum), n_c, &mut self.damping);
+        for row in 0..n_c {
+            let (jacobian, damping) = (&mut self.jacobian[row * n_c..][..n_c], &self.damping[row * n_c..][..n_c]);
+            for (h, w) in frequency.iter().enumerate() {
+                let (cos, sin) = (2 * h + 1, 2 * h + 2);
+                // u' has the cosine coefficient w b and the sine coefficient -w a
+                jacobian[cos] -= w * damping[sin];
+                jacobian[sin] += w * damping[cos];
+            }
+        }
+        for i in 0..self.f.len() {
+            self.f[i] = self.f_v[i] * self.dv[i];
+        }
+        self.grid.analyse(&self.f, &mut self.spectrum);
+        collect(&self.slots, &self.spectrum, &mut self.force_slope);
+    }
+
+    fn march(&mut self, law: AnyLaw, p: &[f64], want: Want) -> Result<()> {
+        let n = self.u.len();
+        let mut z = vec![0.0; law.n_memory()];
+        self.force_slope.fill(0.0);
+        self.damping.fill(0.0);
+        let Some(march) = self.memory.as_mut().filter(|_| want == Want::Jacobian) else {
+            for step in 0..2 * n {
+                self.f[step % n] = law.eval(self.u[step % n], 0.0, p, &mut z);
+            }
+            self.analyse_force();
+            return Ok(());
+        };
+        self.jacobian.fill(0.0);
+        march.columns.fill(0.0);
+        self.f.fill(0.0);
+        // sliders of a parallel set do not see each other, so that each is marched by itself
+        for i in 0..law.parallel() {
+            let (part, numbers) = law.part(i)?;
+            march.slider(part, &p[numbers], &self.u, &mut self.f, self.n_c);
+        }
+        self.analyse_columns();
+        self.analyse_force();
+        Ok(())
+    }
+
+    /// A law whose states have rates, its states periodic.
+    fn follow(&mut self, law: AnyLaw, p: &[f64], frequency: &[f64], slope: &[f64], want: Want) -> Result<()> {
+        let n = self.u.len();
+        let omega = frequency.first().map_or(f64::NAN, |w| w / self.first);
+        let interval = std::f64::consts::TAU / (omega * n as f64);
+        // a faster motion has shorter intervals
+        let stretch = -slope.first().map_or(0.0, |s| s / self.first) / omega;
+        self.damping.fill(0.0);
+        self.f.fill(0.0);
+        let (mut moved, mut dz) = (vec![0.0; n], vec![0.0; n]);
+        let with_columns = want == Want::Jacobian;
+        if let Some(march) = self.memory.as_mut().filter(|_| with_columns) {
+            march.columns.fill(0.0);
+        }
+        for i in 0..law.parallel() {
+            let (part, numbers) = law.part(i)?;
+            let samples = Samples { u: &self.u, v: &self.v, interval };
+            let state = PeriodicState::new(part, &p[numbers], samples)?;
+            self.f.iter_mut().zip(&state.at).for_each(|(f, at)| *f += at.force[0]);
+            let Some(march) = self.memory.as_mut().filter(|_| with_columns) else { continue };
+            for c in 0..self.n_c {
+                march.motion(c, frequency, self.n_c, (&mut self.f_u, &mut self.f_v));
+                state.along(&Change { u: Some(&self.f_u), v: Some(&self.f_v), stretch: 0.0 }, &mut dz);
+                let column = &mut march.columns[c * n..][..n];
+                for (j, at) in state.at.iter().enumerate() {
+                    column[j] += at.force[1] * self.f_u[j] + at.force[2] * self.f_v[j] + at.force[3] * dz[j];
+                }
+            }
+            let faster = part.uses_velocity().then_some(self.dv.as_slice());
+            state.along(&Change { u: None, v: faster, stretch }, &mut dz);
+            for (j, at) in state.at.iter().enumerate() {
+                moved[j] += at.force[3] * dz[j] + faster.map_or(0.0, |dv| at.force[2] * dv[j]);
+            }
+        }
+        self.force_slope.fill(0.0);
+        if with_columns {
+            self.analyse_columns();
+            self.grid.analyse(&moved, &mut self.spectrum);
+            collect(&self.slots, &self.spectrum, &mut self.force_slope);
+        }
+        self.analyse_force();
+        Ok(())
+    }
+
+    /// The Jacobian from the samples of its columns.
+    fn analyse_columns(&mut self) {
+        let n = self.u.len();
+        let Some(march) = &self.memory else { return };
+        for c in 0..self.n_c {
+            self.grid.analyse(&march.columns[c * n..][..n], &mut self.spectrum);
+            collect(&self.slots, &self.spectrum, &mut self.rate);
+            for (row, value) in self.rate.iter().enumerate() {
+                self.jacobian[row * self.n_c + c] = *value;
+            }
+        }
+    }
+
+    fn analyse_force(&mut self) {
+        self.grid.analyse(&self.f, &mut self.spectrum);
+        collect(&self.slots, &self.spectrum, &mut self.force);
+    }
+
+    /// Displacements of the last element at the samples.
+    pub fn displacements(&self) -> &[f64] {
+        &self.u
+    }
+
+    /// Phases of the excitation at the samples.
+    pub fn phases(&self) -> &[f64] {
+        &self.phase
+    }
+
+    /// df/du and df/dv of the last element at the samples; only for laws without memory.
+    pub fn tangents(&self) -> (&[f64], &[f64]) {
+        (&self.f_u, &self.f_v)
+    }
+}
+
+impl March {
+    fn new(basis: &Basis, n: usize) -> March {
+        let n_c = basis.n_coefficients();
+        let mut gamma = vec![1.0; n * n_c];
+        for j in 0..n {
+            for (h, k) in basis.indices.iter().enumerate() {
+                let phase = std::f64::consts::TAU * f64::from(k[0]) * j as f64 / n as f64;
+                gamma[j * n_c + 2 * h + 1] = phase.cos();
+                gamma[j * n_c + 2 * h + 2] = phase.sin();
+            }
+        }
+        March { gamma, columns: vec![0.0; n * n_c] }
+    }
+
+    /// u and v at the samples by one coefficient.
+    fn motion(&self, c: usize, frequency: &[f64], n_c: usize, (u, v): (&mut [f64], &mut [f64])) {
+        for (j, u) in u.iter_mut().enumerate() {
+            *u = self.gamma[j * n_c + c];
+        }
+        // cos' = -w sin, sin' = w cos
+        let (other, factor) = match c {
+            0 => (0, 0.0),
+            c if c % 2 == 1 => (c + 1, -frequency[c / 2]),
+            c => (c - 1, frequency[c / 2 - 1]),
+        };
+        for (j, v) in v.iter_mut().enumerate() {
+            *v = factor * self.gamma[j * n_c + other];
+        }
+    }
+
+    /// One memory over two periods; adds force and columns of the second one.
+    fn slider(&mut self, law: AnyLaw, p: &[f64], u: &[f64], f: &mut [f64], n_c: usize) {
+        let n = u.len();
+        let pd: Vec<Dual64> = p.iter().map(|&x| Dual64::from(x)).collect();
+        let (mut z, mut dz) = (0.0, vec![0.0; n_c]);
+        for step in 0..2 * n {
+            let j = step % n;
+            let mut new = [Dual64::from(0.0)];
+            let by_u = law.force(Dual64::new(u[j], 1.0), Dual64::from(0.0), &pd, &[Dual64::from(z)], &mut new);
+            let z_u = new[0];
+            let by_z = law.force(Dual64::from(u[j]), Dual64::from(0.0), &pd, &[Dual64::new(z, 1.0)], &mut new);
+            let z_z = new[0].eps;
+            let gamma = &self.gamma[j * n_c..][..n_c];
+            if step >= n {
+                f[j] += by_u.re;
+                for c in 0..n_c {
+                    self.columns[c * n + j] += by_u.eps * gamma[c] + by_z.eps * dz[c];
+                }
+            }
+            if z_u.eps != 0.0 || z_z != 1.0 {
+                for c in 0..n_c {
+                    dz[c] = z_u.eps * gamma[c] + z_z * dz[c];
+                }
+            }
+            z = z_u.re;
+        }
+    }
+}
+
+fn at(spectrum: &[c64], slot: Slot) -> c64 {
+    if slot < 0 { spectrum[!slot as usize].conj() } else { spectrum[slot as usize] }
+}
+
+fn put(spectrum: &mut [c64], slot: Slot, c: c64) {
+    if slot < 0 {
+        spectrum[!slot as usize] = c.conj();
+    } else {
+        spectrum[slot as usize] = c;
+    }
+}
+
+fn synthesise(grid: &mut Grid, slots: &Slots, spectrum: &mut [c64], coefficients: &[f64], samples: &mut [f64]) {
+    spectrum.fill(c64::new(0.0, 0.0));
+    spectrum[0].re = coefficients[0];
+    for (h, slot) in slots.own.iter().enumerate() {
+        let c = c64::new(coefficients[2 * h + 1], -coefficients[2 * h + 2]) * 0.5;
+        put(spectrum, *slot, c);
+        if let Some(mirror) = slots.mirror[h] {
+            put(spectrum, mirror, c.conj());
+        }
+    }
+    grid.synthesise(spectrum, samples);
+}
+
+/// Coefficients of the same motion seen a little later: every term turned by its phase.
+fn rotated(u: &[f64], turn: &[c64]) -> Vec<f64> {
+    let mut out = u.to_vec();
+    for (h, t) in turn.iter().enumerate() {
+        let c = c64::new(u[2 * h + 1], -u[2 * h + 2]) * t;
+        (out[2 * h + 1], out[2 * h + 2]) = (c.re, -c.im);
+    }
+    out
+}
+
+fn collect(slots: &Slots, spectrum: &[c64], coefficients: &mut [f64]) {
+    coefficients[0] = spectrum[0].re;
+    for (h, slot) in slots.own.iter().enumerate() {
+        let c = at(spectrum, *slot);
+        coefficients[2 * h + 1] = 2.0 * c.re;
+        coefficients[2 * h + 2] = -2.0 * c.im;
+    }
+}
+
+/// Coefficients of du/dt for term frequencies w: (w b, -w a).
+pub fn derivative(u: &[f64], w: &[f64], rate: &mut [f64]) {
+    rate[0] = 0.0;
+    for (h, w) in w.iter().enumerate() {
+        rate[2 * h + 1] = w * u[2 * h + 2];
+        rate[2 * h + 2] = -w * u[2 * h + 1];
+    }
+}
+
+/// The coefficients k_j - k_h and k_j + k_h of a function that was sampled.
+fn sampled<'a>(slots: &'a Slots, spectrum: &'a [c64]) -> impl Fn(usize, usize) -> (c64, c64) + 'a {
+    let n = slots.own.len() + 1;
+    move |j, h| (at(spectrum, slots.minus[j * n + h]), at(spectrum, slots.plus[j * n + h]))
+}
+
+/// Matrix of the product with a function, in the real coefficients: `pair` has its coefficients k_j - k_h and k_j + k_h.
+fn product_matrix(pair: impl Fn(usize, usize) -> (c64, c64), n_c: usize, out: &mut [f64]) {
+    let n = n_c.div_ceil(2);
+    for j in 0..n {
+        for h in 0..n {
+            let (minus, plus) = pair(j, h);
+            let (sum, difference) = (minus + plus, minus - plus);
+            let scale = if j == 0 { 0.5 } else { 1.0 };
+            let cos_row = (2 * j).saturating_sub(1) * n_c;
+            let cos = (2 * h).saturating_sub(1);
+            out[cos_row + cos] = scale * sum.re;
+            if h > 0 {
+                out[cos_row + 2 * h] = scale * difference.im;
+            }
+            if j > 0 {
+                let sin_row = 2 * j * n_c;
+                out[sin_row + cos] = -sum.im;
+                if h > 0 {
+                    out[sin_row + 2 * h] = difference.re;
+                }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

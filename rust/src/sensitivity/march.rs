@@ -1,0 +1,260 @@
+//! The motion itself, step by step, with what is needed to differentiate each step.
+use std::borrow::Cow;
+
+use crate::error::{Error, Result};
+use crate::integrate::ali3p::{Factors, Record, Trend, Weight};
+use crate::integrate::dop853_numbers::STAGES;
+use crate::integrate::generalized_alpha::{Carried, GeneralizedAlpha, Parameters};
+use crate::integrate::radau::{FIVE, Radau};
+use crate::integrate::{Equations, Instant, Scheme};
+use crate::run::{Cancel, Counts};
+
+use super::Plan;
+use super::runge_kutta::{self, Stages, inner_nodes, start_weight};
+
+/// The scheme, with what distinguishes its variants.
+#[derive(Debug, Clone, Copy)]
+pub enum Rule {
+    Ali3p(Weight),
+    /// spectral radius at infinity
+    Alpha(f64),
+    Explicit,
+    Radau,
+}
+
+/// A quadrature over each step: what its start and its end count, and (fraction of the step, weight) of nodes inside.
+pub struct Quadrature {
+    pub ends: [f64; 2],
+    pub inner: Vec<(f64, f64)>,
+}
+
+impl Rule {
+    /// The scheme's own: an integral is as accurate as the motion.
+    pub fn quadrature(&self) -> Quadrature {
+        match self {
+            Rule::Explicit => {
+                Quadrature { ends: [start_weight(), 0.0], inner: inner_nodes().map(|(_, c, b)| (c, b)).collect() }
+            }
+            // at all stages, the last of them before the end is moved to the constraints: as a state would be integrated
+            Rule::Radau => {
+                let weights = FIVE.a.last().copied().unwrap_or_default();
+                let inner = FIVE.c.iter().zip(weights).map(|(c, b)| (*c, *b)).collect();
+                Quadrature { ends: [0.0, 0.0], inner }
+            }
+            Rule::Ali3p(_) | Rule::Alpha(_) => Quadrature { ends: [0.5, 0.5], inner: Vec::new() },
+        }
+    }
+
+    pub fn n_inner(&self) -> usize {
+        match self {
+            Rule::Explicit => inner_nodes().count(),
+            Rule::Radau => FIVE.stages(),
+            Rule::Ali3p(_) | Rule::Alpha(_) => 0,
+        }
+    }
+
+    /// Is the metric of its projections differentiated too?
+    pub fn bends(&self) -> bool {
+        matches!(self, Rule::Ali3p(_) | Rule::Alpha(_))
+    }
+
+    /// Does a step solve for the states of laws by the trapezoidal rule?
+    pub fn opens_states(&self) -> bool {
+        matches!(self, Rule::Ali3p(_) | Rule::Alpha(_))
+    }
+
+    /// Numbers of the factors of one step.
+    pub fn kept(&self, n: usize, rows: usize) -> usize {
+        match self {
+            Rule::Ali3p(_) => 4 * n * n + 4 * n * rows,
+            Rule::Alpha(_) => 0,
+            Rule::Explicit => runge_kutta::kept(STAGES, n, rows),
+            Rule::Radau => runge_kutta::kept(FIVE.stages(), n, rows),
+        }
+    }
+}
+
+/// An instant, and what the scheme carries on from it.
+#[derive(Clone)]
+pub struct Here {
+    pub instant: Instant,
+    pub carried: Option<Carried>,
+    /// with which ALI3-P foresees the next accelerations: a step is the same, to the last digit, wherever a run of them begins
+    pub trend: Trend,
+}
+
+impl Here {
+    /// Before the first step.
+    pub fn first(instant: Instant, rule: Rule) -> Self {
+        let carried = match rule {
+            Rule::Ali3p(_) | Rule::Explicit | Rule::Radau => None,
+            Rule::Alpha(_) => Some(Carried {
+                t: instant.motion.t,
+                a: instant.acceleration.clone(),
+                rate_slope: instant.acceleration.clone(),
+                lam: instant.lam.clone(),
+                slope: None,
+                h: 0.0,
+            }),
+        };
+        Here { instant, carried, trend: Trend::default() }
+    }
+}
+
+/// How a step came about.
+pub enum Made {
+    Ali3p(Record, Box<Factors>),
+    Alpha(Parameters, f64),
+    RungeKutta(Box<Stages>),
+    Radau(Box<Stages>),
+}
+
+impl Here {
+    /// The start of a step of this length: states of laws as the step solves for them.
+    pub fn opened(&self, eq: &Equations<'_, f64>, h: f64) -> Cow<'_, Here> {
+        if !eq.has_state_rates() {
+            return Cow::Borrowed(self);
+        }
+        Cow::Owned(Here { instant: eq.opened(&self.instant, h).into_owned(), ..self.clone() })
+    }
+}
+
+impl Made {
+    /// Length of the step.
+    pub fn length(&self) -> f64 {
+        match self {
+            Made::Ali3p(record, _) => record.h,
+            Made::Alpha(_, h) => *h,
+            Made::RungeKutta(stages) | Made::Radau(stages) => stages.h,
+        }
+    }
+
+    /// The start of the step as the scheme takes it.
+    pub fn start<'h>(&self, eq: &Equations<'_, f64>, from: &'h Here) -> Cow<'h, Here> {
+        match self {
+            Made::RungeKutta(_) | Made::Radau(_) => Cow::Borrowed(from),
+            _ => from.opened(eq, self.length()),
+        }
+    }
+
+    /// Stages at the nodes inside the step.
+    pub fn inner(&self) -> Vec<&Instant> {
+        match self {
+            Made::RungeKutta(stages) => inner_nodes().map(|(i, ..)| &stages.all[i].at).collect(),
+            Made::Radau(stages) => stages.all.iter().map(|s| &s.at).collect(),
+            _ => Vec::new(),
+        }
+    }
+
+    /// Which node inside the step a stage is.
+    pub fn node_of(&self, stage: usize) -> Option<usize> {
+        match self {
+            Made::RungeKutta(_) => inner_nodes().position(|(s, ..)| s == stage),
+            Made::Radau(_) => Some(stage),
+            _ => None,
+        }
+    }
+}
+
+/// Goes from step to step; a kept factorisation of the motion is all that it holds.
+pub struct March<'a> {
+    eq: &'a Equations<'a, f64>,
+    plan: &'a Plan,
+    alpha: Option<GeneralizedAlpha>,
+    radau: Option<Radau>,
+    /// tangents come along with the factors; on the way back they are of no use
+    tangents: bool,
+}
+
+impl<'a> March<'a> {
+    pub fn new(eq: &'a Equations<'a, f64>, plan: &'a Plan) -> Self {
+        March { eq, plan, alpha: None, radau: None, tangents: false }
+    }
+
+    pub fn with_tangents(self) -> Self {
+        March { tangents: true, ..self }
+    }
+
+    /// Forget factorisations: steps from here on are the same whatever was before.
+    pub fn forget(&mut self) {
+        self.alpha = None;
+        self.radau = None;
+    }
+
+    /// The end of step i, memories included, and how it came about.
+    pub fn step(&mut self, i: usize, from: &Here, cancel: &Cancel, counts: &mut Counts) -> Result<(Here, Made)> {
+        cancel.check()?;
+        counts.add("steps", 1);
+        self.made(i, from, counts).map_err(|e| at_time(e, from.instant.motion.t))
+    }
+
+    /// The scheme starts anew where a load or a drive is not smooth: accelerations and multipliers of what follows.
+    pub fn anew(&mut self, i: usize, end: &Here, counts: &mut Counts) -> Result<Option<Here>> {
+        if !self.plan.breaks.contains(&self.plan.times[i + 1]) {
+            return Ok(None);
+        }
+        self.forget();
+        let instant = self.eq.instant(end.instant.motion.clone(), counts)?;
+        Ok(Some(Here::first(instant, self.plan.rule)))
+    }
+
+    fn made(&mut self, i: usize, from: &Here, counts: &mut Counts) -> Result<(Here, Made)> {
+        let (h, t) = (self.plan.step(i), self.plan.times[i + 1]);
+        match self.plan.rule {
+            Rule::Ali3p(weight) => {
+                let mut trend = from.trend.clone();
+                let opened = self.eq.opened(&from.instant, h);
+                let (mut end, record, mut by) = self.eq.ali3p_step(&opened, h, &trend, (weight, None), counts)?;
+                if !by.settled {
+                    self.eq.renew(&opened, &record, &mut by, counts)?;
+                }
+                trend.pass(&from.instant.acceleration, &end.acceleration, h);
+                end.motion.t = t;
+                by.linear = by.linear.filter(|_| self.tangents);
+                self.eq.remember(&mut end.motion, counts);
+                let here = Here { instant: end, carried: None, trend };
+                Ok((here, Made::Ali3p(record, Box::new(by))))
+            }
+            Rule::Alpha(rho) => {
+                let scheme = self.alpha.get_or_insert_with(|| {
+                    let mut scheme = GeneralizedAlpha::to_rounding(rho);
+                    scheme.resume(from.carried.clone());
+                    scheme
+                });
+                let mut step = scheme.step(self.eq, &from.instant, h, false, counts)?;
+                step.end.motion.t = t;
+                self.eq.remember(&mut step.end.motion, counts);
+                scheme.accept(self.eq, &from.instant, &step, h);
+                let here = Here { carried: scheme.carried().cloned(), instant: step.end, trend: Trend::default() };
+                Ok((here, Made::Alpha(Parameters::of(rho), h)))
+            }
+            Rule::Explicit => {
+                let (mut end, stages) = runge_kutta::step(self.eq, &from.instant, h, counts)?;
+                end.motion.t = t;
+                self.eq.remember(&mut end.motion, counts);
+                let here = Here { instant: end, carried: None, trend: Trend::default() };
+                Ok((here, Made::RungeKutta(Box::new(stages))))
+            }
+            Rule::Radau => {
+                let scheme = self.radau.get_or_insert_with(|| Radau::new(None).recording());
+                let mut step = scheme.step(self.eq, &from.instant, h, false, counts)?;
+                let stages = Stages::implicit(h, scheme.recorded(), &step.end);
+                self.eq.same_branch(stages.rate(), &step.end, h)?;
+                step.end.motion.t = t;
+                self.eq.remember(&mut step.end.motion, counts);
+                scheme.accept(self.eq, &from.instant, &step, h);
+                let here = Here { instant: step.end, carried: None, trend: Trend::default() };
+                Ok((here, Made::Radau(Box::new(stages))))
+            }
+        }
+    }
+}
+
+fn at_time(error: Error, t: f64) -> Error {
+    match error {
+        Error::Convergence { message, best, residual } => {
+            Error::Convergence { message: format!("at t = {t} s {message}; take smaller steps"), best, residual }
+        }
+        other => other,
+    }
+}

@@ -1,0 +1,113 @@
+//! Gradients of a motion: the derivative of the discrete solution, forwards along directions and backwards, of ALI3-P, of
+//! generalised-alpha, of the explicit Runge-Kutta method of order eight and of Radau IIA of order five.
+//!
+//! Steps, iteration counts and multiplier updates are those of the motion itself: every step is the solution of three implicit
+//! systems (`transient::ali3p`, `alpha`), each differentiated by the implicit function theorem with the matrices of the step, or a
+//! row of explicit stages (`runge_kutta`), or stages that are solved for together (`radau`).
+//!
+//! | file | |
+//! |---|---|
+//! | `quantity`, `reactions` | what can be read of an instant, over any number type |
+//! | `start` | the first instant and its derivative: loops closed, rates consistent, accelerations |
+//! | `march` | the motion itself, step by step |
+//! | `kinks` | where a motion has no derivative |
+//! | `alpha` | a step of generalised-alpha as equations |
+//! | `runge_kutta` | a step of the explicit method as equations |
+//! | `radau` | the same of Radau's method: one linear system for all stages |
+//! | `direct/` | all directions along with the motion |
+//! | `adjoint/` | the steps backwards, with checkpoints |
+//! | `power/` | the virtual power of a step and its derivative by everything |
+//! | `tape` | numbers that remember where they come from |
+pub mod direction;
+pub mod local_direction;
+
+pub mod adjoint;
+mod alpha;
+pub mod direct;
+pub mod kinks;
+pub mod march;
+mod power;
+pub mod quantity;
+mod radau;
+mod reactions;
+pub mod runge_kutta;
+pub mod start;
+
+use crate::error::{Error, Result};
+use crate::run::Counts;
+
+use crate::integrate::{Equations, Instant, Motion};
+use march::Rule;
+
+/// One direction dx/dp of the numbers, sparse.
+pub type Direction = Vec<(usize, f64)>;
+
+/// What is run: times of all instants, the first one that of the start.
+#[derive(Debug, Clone)]
+pub struct Plan {
+    pub times: Vec<f64>,
+    pub rule: Rule,
+    pub follow: Follow,
+    /// times of steps after which the scheme starts anew, because a load or a drive is not smooth there
+    pub breaks: Vec<f64>,
+    /// the way back keeps a motion of at most so many numbers whole; of a longer one checkpoints, as many as the root of its steps
+    pub keep: usize,
+    /// instants at which quantities are wanted, going forwards, zeros elsewhere; empty: at all
+    pub read: Vec<bool>,
+    /// quantities are also wanted inside the steps, at the nodes of the scheme's quadrature
+    pub inner: bool,
+}
+
+/// What the first instant follows besides closing its loops by the smallest change.
+#[derive(Debug, Clone, Default)]
+pub struct Follow {
+    /// offsets of two-point joints follow the drawing
+    pub drawn: bool,
+    /// rates follow the bodies' given velocities
+    pub velocities: bool,
+    /// tree increments per direction, those of an equilibrium that moves along; empty: none
+    pub shift: Vec<Vec<f64>>,
+}
+
+impl Plan {
+    /// Steps must go forwards.
+    pub fn check(&self) -> Result<()> {
+        if self.times.is_empty() || !self.times.is_sorted_by(|a, b| a < b) {
+            return Err(Error::model("the times of the steps must increase"));
+        }
+        Ok(())
+    }
+
+    /// Are quantities wanted at instant i?
+    pub fn reads(&self, i: usize) -> bool {
+        self.read.get(i).copied().unwrap_or(true)
+    }
+
+    /// Rows of values: those of all instants, then those of the nodes inside all steps.
+    pub fn n_values(&self) -> usize {
+        self.times.len() + self.n_steps() * self.n_inner()
+    }
+
+    /// Nodes inside a step.
+    pub fn n_inner(&self) -> usize {
+        if self.inner { self.rule.n_inner() } else { 0 }
+    }
+
+    /// The first row of the nodes inside step i.
+    pub fn inner_row(&self, i: usize) -> usize {
+        self.times.len() + i * self.n_inner()
+    }
+
+    pub fn n_steps(&self) -> usize {
+        self.times.len() - 1
+    }
+
+    pub fn step(&self, i: usize) -> f64 {
+        self.times[i + 1] - self.times[i]
+    }
+}
+
+/// The consistent first instant.
+pub fn first(eq: &Equations<'_, f64>, start: Motion<f64>, counts: &mut Counts) -> Result<Instant> {
+    eq.consistent(start, counts)
+}

@@ -1,0 +1,264 @@
+//! A step of Radau's method as equations to be differentiated.
+//!
+//! ```text
+//! theta_i = h sum_j a_ij J_l^-1(theta_j) v_j,   v_i = v0 + h sum_j a_ij a_j,   z_i = z0 + h sum_j a_ij g_j,   q_i = exp(theta_i) q0
+//! r(q_i, v_i, a_i, z_i, lam_i) = 0,             J_i a_i + gamma_i = 0,          g_i = g(q_i, v_i, z_i)
+//! ```
+//! Changes of all stages are solved for together, with the tangents of every stage at its solution and nothing left out, so that
+//! one system serves all directions and, transposed, the way back:
+//! ```text
+//! d theta_i = sum_j T_ij dv_j,   dv_i = dv0 + h sum_j a_ij da_j,   T = (1 - h A Y_theta)^-1 h A Y_v      of three rotations; h A elsewhere
+//! M_i da_i + D_i dv_i + K_i J_l d theta_i + F_i dz_i + J_i^T dlam_i = -(by the start and the numbers)
+//! J_i da_i + (J a + gamma)_v dv_i + (J a + gamma)_q J_l d theta_i = -(by the start and the numbers)
+//! ```
+//! The end is the last stage, moved to the constraints as in `runge_kutta`.
+use nalgebra::DMatrix;
+
+use crate::error::{Error, Result};
+use crate::integrate::ali3p::Linear;
+use crate::integrate::radau::FIVE;
+use crate::integrate::{Equations, Motion};
+use crate::linalg::kkt::Kkt;
+use crate::linalg::matrix::turn_columns;
+use crate::multibody::rotations::{Maps, rotation_triples};
+use crate::run::Counts;
+
+use super::Direction;
+use super::direct::chunk::{Chunk, Moving, WIDEST, chunk};
+use super::direct::explicit::Held;
+use super::runge_kutta::{Stages, slope_maps};
+
+/// h A of a method whose stages are solved for together.
+pub fn weights(h: f64) -> DMatrix<f64> {
+    DMatrix::from_fn(FIVE.stages(), FIVE.stages(), |i, j| h * FIVE.a[i][j])
+}
+
+/// Three rotations that act together: their part of T and of T (h A), over all stages.
+struct Turning {
+    first: usize,
+    rates: DMatrix<f64>,
+    accelerations: DMatrix<f64>,
+}
+
+/// How increments and rates of the stages follow from rates and accelerations.
+pub struct Chart {
+    /// h A, and its square
+    pub weights: DMatrix<f64>,
+    square: DMatrix<f64>,
+    turning: Vec<Turning>,
+}
+
+impl Chart {
+    fn new(eq: &Equations<'_, f64>, by: &Stages) -> Result<Self> {
+        let weights = weights(by.h);
+        let maps: Vec<[Maps; 2]> =
+            by.all.iter().map(|own| slope_maps(eq, &own.increment, &own.at.motion.rate)).collect();
+        let triples = rotation_triples(eq.topology()).enumerate();
+        let turning = triples.map(|(k, (first, _))| Turning::new(&weights, first, &maps, k)).collect::<Result<_>>()?;
+        Ok(Chart { square: &weights * &weights, weights, turning })
+    }
+
+    fn stages(&self) -> usize {
+        self.weights.nrows()
+    }
+
+    /// Sums over the stages: h A x.
+    pub fn sums(&self, x: &[DMatrix<f64>]) -> Vec<DMatrix<f64>> {
+        sums(&self.weights, x)
+    }
+
+    /// Sums over the stages backwards: (h A)^T x.
+    pub fn sums_back(&self, x: &[DMatrix<f64>]) -> Vec<DMatrix<f64>> {
+        sums(&self.weights.transpose(), x)
+    }
+
+    /// Changes of theta_i by those of the rates of all stages.
+    pub fn increments(&self, v: &[DMatrix<f64>]) -> Vec<DMatrix<f64>> {
+        let mut out = self.sums(v);
+        self.turning.iter().for_each(|t| turned(&t.rates, t.first, v, &mut out));
+        out
+    }
+
+    /// The same backwards.
+    pub fn increments_back(&self, theta: &[DMatrix<f64>]) -> Vec<DMatrix<f64>> {
+        let mut out = self.sums_back(theta);
+        self.turning.iter().for_each(|t| turned(&t.rates.transpose(), t.first, theta, &mut out));
+        out
+    }
+
+    /// What accelerations of stage j do to rates and increments of stage i: by rates, by increments.
+    fn block(&self, by_v: &DMatrix<f64>, by_theta: &DMatrix<f64>, i: usize, j: usize) -> DMatrix<f64> {
+        let mut out = by_theta * self.square[(i, j)];
+        for t in &self.turning {
+            let map = t.accelerations.fixed_view::<3, 3>(3 * i, 3 * j);
+            out.columns_mut(t.first, 3).copy_from(&(by_theta.columns(t.first, 3) * map));
+        }
+        out + by_v * self.weights[(i, j)]
+    }
+}
+
+impl Turning {
+    fn new(weights: &DMatrix<f64>, first: usize, maps: &[[Maps; 2]], k: usize) -> Result<Self> {
+        let s = weights.nrows();
+        let part = |which: usize| {
+            DMatrix::from_fn(3 * s, 3 * s, |r, c| weights[(r / 3, c / 3)] * maps[c / 3][which][k].1[r % 3][c % 3])
+        };
+        let own = DMatrix::identity(3 * s, 3 * s) - part(0);
+        let rates = own.lu().solve(&part(1)).ok_or_else(|| Error::singular("rotations of a step have no chart"))?;
+        let spread = DMatrix::from_fn(3 * s, 3 * s, |r, c| if r % 3 == c % 3 { weights[(r / 3, c / 3)] } else { 0.0 });
+        Ok(Turning { first, accelerations: &rates * spread, rates })
+    }
+}
+
+fn sums(weights: &DMatrix<f64>, x: &[DMatrix<f64>]) -> Vec<DMatrix<f64>> {
+    let one = |i: usize| {
+        let mut sum = &x[0] * weights[(i, 0)];
+        for (j, x) in x.iter().enumerate().skip(1) {
+            sum.zip_apply(x, |s, x| *s += weights[(i, j)] * x);
+        }
+        sum
+    };
+    (0..x.len()).map(one).collect()
+}
+
+/// Three rows of all stages by those of other stages.
+fn turned(map: &DMatrix<f64>, first: usize, from: &[DMatrix<f64>], to: &mut [DMatrix<f64>]) {
+    for (i, to) in to.iter_mut().enumerate() {
+        let mut rows = DMatrix::zeros(3, to.ncols());
+        for (j, from) in from.iter().enumerate() {
+            rows += map.fixed_view::<3, 3>(3 * i, 3 * j) * from.rows(first, 3);
+        }
+        to.rows_mut(first, 3).copy_from(&rows);
+    }
+}
+
+/// Derivatives by increments, rates and states of laws, all of them: what tangents do not hold.
+pub struct Probe<'a> {
+    eq: &'a Equations<'a, f64>,
+    chunks: Vec<Box<dyn Chunk + 'a>>,
+    /// places of states of laws in the memory
+    pub states: Vec<usize>,
+}
+
+/// What a stage adds to the system.
+struct Parts {
+    linear: Linear,
+    /// of J a + gamma, by increments and rates
+    rows: [DMatrix<f64>; 2],
+    /// forces by states, and rates of states by increments, rates and states
+    by_states: DMatrix<f64>,
+    states: [DMatrix<f64>; 3],
+}
+
+impl<'a> Probe<'a> {
+    pub fn new(eq: &'a Equations<'a, f64>) -> Self {
+        let places = eq.state_scales();
+        let states: Vec<usize> = (0..places.len()).filter(|i| places[*i].is_finite()).collect();
+        let wanted = if eq.n_rows() > 0 || !states.is_empty() { 2 * eq.n() + states.len() } else { 0 };
+        let still = Direction::new();
+        let part = |first: usize| {
+            let width = WIDEST.min(wanted - first);
+            chunk(eq.system, eq.effects, &vec![&still; width], first, false)
+        };
+        Probe { eq, chunks: (0..wanted).step_by(WIDEST).map(part).collect(), states }
+    }
+
+    fn parts(&self, m: &Motion<f64>, a: &[f64], lam: &[f64], counts: &mut Counts) -> Parts {
+        let eq = self.eq;
+        let (n, k, rows, memory) = (eq.n(), self.states.len(), eq.n_rows(), m.memory.len());
+        let width = 2 * n + k;
+        let one = |at: bool| if at { 1.0 } else { 0.0 };
+        let x = DMatrix::from_fn(n, width, |i, j| one(i == j));
+        let v = DMatrix::from_fn(n, width, |i, j| one(n + i == j));
+        let z = DMatrix::from_fn(memory, width, |i, j| one(j >= 2 * n && self.states[j - 2 * n] == i));
+        let at = Moving { motion: m, x: &x, v: &v, z: &z };
+        let (mut by_rows, mut force) = (DMatrix::zeros(rows, width), DMatrix::zeros(n, width));
+        let mut rates = DMatrix::zeros(memory, width);
+        let rest = DMatrix::zeros(n, width);
+        for chunk in &self.chunks {
+            if rows > 0 {
+                chunk.row_accelerations(at, (a, &rest), false, &mut by_rows);
+            }
+            if k > 0 {
+                chunk.explicit(&Held::new(eq, m, a, lam), &z, &mut force, counts);
+                chunk.state_rates(at, &mut rates);
+            }
+        }
+        let own = |c: usize, w: usize| DMatrix::from_fn(k, w, |p, j| rates[(self.states[p], c + j)]);
+        Parts {
+            linear: eq.linearised(m, a, lam, 0.0, counts).2,
+            rows: [by_rows.columns(0, n).into_owned(), by_rows.columns(n, n).into_owned()],
+            by_states: force.columns(2 * n, k).into_owned(),
+            states: [own(0, n), own(n, n), own(2 * n, k)],
+        }
+    }
+}
+
+/// The equations of all stages at their solution.
+pub struct Coupled {
+    pub chart: Chart,
+    pub linear: Vec<Linear>,
+    /// unknowns: accelerations of all stages, then changes of states beyond those at the start; multipliers of all stages
+    pub system: Kkt,
+}
+
+impl Coupled {
+    pub fn new(probe: &Probe<'_>, by: &Stages, counts: &mut Counts) -> Result<Self> {
+        let eq = probe.eq;
+        let chart = Chart::new(eq, by)?;
+        let part = |i: usize, counts: &mut Counts| {
+            let at = &by.all[i].at;
+            probe.parts(&at.motion, &at.acceleration, &at.lam, counts)
+        };
+        let parts: Vec<Parts> = (0..chart.stages()).map(|i| part(i, counts)).collect();
+        let maps: Vec<Maps> = by.all.iter().map(|own| eq.rotation_maps(&own.increment)).collect();
+        counts.add("factorisations", 1);
+        let system = assembled(eq, &chart, &parts, &maps)?;
+        Ok(Coupled { chart, linear: parts.into_iter().map(|p| p.linear).collect(), system })
+    }
+}
+
+fn assembled(eq: &Equations<'_, f64>, chart: &Chart, parts: &[Parts], maps: &[Maps]) -> Result<Kkt> {
+    let (s, n, rows) = (chart.stages(), eq.n(), eq.n_rows());
+    let k = parts[0].by_states.ncols();
+    let mut a = DMatrix::zeros(s * (n + k), s * (n + k));
+    let mut left = DMatrix::zeros(s * (n + k), s * rows);
+    let mut right = DMatrix::zeros(s * rows, s * (n + k));
+    let mut kept = Vec::new();
+    for (i, own) in parts.iter().enumerate() {
+        let (t, jacobian) = (&own.linear.tangent, &own.linear.jacobian);
+        let turned = |m: &DMatrix<f64>| {
+            let mut m = m.clone();
+            turn_columns(&mut m, &maps[i]);
+            m
+        };
+        let mut damping = DMatrix::zeros(n, n);
+        [&t.damping, &t.gyroscopic].into_iter().flatten().for_each(|d| damping += d);
+        let (stiffness, row_stiffness) = (turned(&t.stiffness), turned(&own.rows[0]));
+        let slope = turned(&own.states[0]);
+        for j in 0..s {
+            a.view_mut((i * n, j * n), (n, n)).copy_from(&chart.block(&damping, &stiffness, i, j));
+            let by_row = chart.block(&own.rows[1], &row_stiffness, i, j);
+            right.view_mut((i * rows, j * n), (rows, n)).copy_from(&by_row);
+            // the rates of states at stage i are summed up in all stages
+            let moved = chart.block(&own.states[1], &slope, i, j);
+            for l in 0..s {
+                let mut to = a.view_mut((s * n + l * k, j * n), (k, n));
+                to -= &moved * chart.weights[(l, i)];
+            }
+            let mut to = a.view_mut((s * n + j * k, s * n + i * k), (k, k));
+            to -= &own.states[2] * chart.weights[(j, i)];
+        }
+        let mut to = a.view_mut((i * n, i * n), (n, n));
+        to += &t.mass;
+        let mut to = a.view_mut((s * n + i * k, s * n + i * k), (k, k));
+        to += DMatrix::<f64>::identity(k, k);
+        a.view_mut((i * n, s * n + i * k), (n, k)).copy_from(&own.by_states);
+        let mut to = right.view_mut((i * rows, i * n), (rows, n));
+        to += jacobian;
+        left.view_mut((i * n, i * rows), (n, rows)).copy_from(&jacobian.transpose());
+        let acting = eq.rows.select_dense(jacobian, crate::linalg::rows::Level::All);
+        kept.extend(acting.into_iter().map(|r| i * rows + r));
+    }
+    Kkt::with_columns(&a, &left, &right, kept)
+}

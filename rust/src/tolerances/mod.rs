@@ -1,0 +1,275 @@
+//! Every number that decides something: its meaning, its unit, and what goes wrong when it is too large or too small.
+
+pub mod frequency_response;
+pub mod matrices;
+pub mod modes;
+pub mod periodic;
+pub mod roots;
+pub mod singular_poses;
+pub mod sparse_modes;
+pub mod steps;
+
+/// Rank, redundancy and closure of constraints.
+pub mod constraints {
+    /// Relative accuracy of a drawing where the model does not say: lengths over those of their loop, angles in radians.
+    /// Larger: loops that are locked by a small angle move. Smaller: linkages drawn with eight digits are locked.
+    /// Seen by `tests/invariance/test_tilted_four_bar.py`; not scanned.
+    pub const DRAWING: f64 = 1e-7;
+
+    /// Rounding of one entry of a constraint row, in units of the sizes of what was subtracted for it, over eps.
+    /// Larger: a model far from the origin has doubtful loops. Smaller: rows of rounding lock a door on two hinges.
+    /// Seen by `tests/invariance/test_rank.py`; not scanned.
+    pub const ENTRY_ROUNDING: f64 = 4.0;
+
+    /// Singular values between the tolerance and this many times it make a constraint that is named as doubtful.
+    /// Larger: sound models are called doubtful. Smaller: a lock by an inaccurate drawing is not explained.
+    /// Pinned by `constraints_near_the_tolerance_are_doubtful`.
+    pub const DOUBTFUL: f64 = 1e3;
+
+    /// The same of constraints that lie far below all others of their block: no mechanism is that slender in one direction alone.
+    /// Larger: genuine constraints are called doubtful. Smaller: axes that are off by a hundredth of a degree lock a linkage without a
+    /// word.
+    /// Pinned by `constraints_far_below_all_others_are_doubtful_for_longer`.
+    pub const LOCKED: f64 = 1e4;
+
+    /// How far below. Larger and smaller: as of `LOCKED`, the other way round.
+    /// Pinned by `weak_constraints_are_apart_from_their_bound_on`.
+    pub const APART: f64 = 1e2;
+
+    /// How far redundant rows may open in motion, over the tolerance of the drawing: rows that part by s per radian of the freed
+    /// direction open by up to some ten s over a large motion. Larger: a lost constraint is seen late. Smaller: doubtful linkages stop.
+    /// Seen by `tests/invariance/test_tilted_four_bar.py`; not scanned.
+    pub const REDUNDANT_OPEN: f64 = 1e2;
+
+    /// Second-order form of a redundant combination on the motions that the rows leave free, over the tolerance of the drawing, from
+    /// which on its pose is singular: there the constraints part like the square of the way. Larger: bifurcations are linearised.
+    /// Smaller: linkages that are drawn inaccurately are called singular. Pinned by `tests/system/test_loops.py`.
+    pub const SINGULAR_POSE: f64 = 1e2;
+
+    /// Length of the look beside a drawn pose, in lengths of the loop or radians, by which a pose of lower rank is seen.
+    /// Larger: the way back to the constraints is long. Smaller: the second-order part of a change point drowns in the tolerance.
+    /// Seen by `tests/invariance/test_rank.py`; not scanned.
+    pub const PROBE: f64 = 1e-2;
+
+    /// Rows that are as long as the longest but for this part are equally good pivots: the first is taken, so that neither rounding nor
+    /// units choose. Larger: short pivots. Smaller: rounding chooses. A choice, never an answer, depends on it.
+    pub const TIE: f64 = 1e-6;
+
+    /// Rows are closed when smaller than this, over the length of their loop or in radians.
+    /// Larger: states are less accurate than they could be. Smaller: Newton's method circles in rounding.
+    /// No test pins it alone.
+    pub const CLOSED: f64 = 1e-13;
+
+    /// The same in units of the rounding of a row's entries, for models far from the origin; and how much more than `CLOSED` a closing
+    /// that does not go on may leave. Larger: loops stay open by more than rounding. Smaller: models far from the origin do not close.
+    pub const CLOSED_ROUNDING: f64 = 1e2;
+
+    /// Singular values of a least-squares problem below this part of the largest belong to directions that no row feels.
+    /// Larger: weak directions are left out. Smaller: rounding of states of self-stress is divided by. Entries are free of units.
+    /// Pinned by `directions_that_no_row_feels_are_left_alone`.
+    pub const FELT: f64 = 1e-10;
+}
+
+/// Coordinates of joints.
+pub mod coordinates {
+    /// Cosine of the angle between a hinge and the axis of a measured angle, as drawn, from which on turns of the hinge are turns of the
+    /// angle: below 45 degrees they are, whatever the frame in which it is measured. Larger: angles between oblique shafts lose their
+    /// turns, and a motion in which a spring needs them stops. Smaller: turns are counted that the angle does not make. Pinned by
+    /// `tests/system/test_coordinates.py` between 40 and 50 degrees.
+    pub const NEARLY_PARALLEL: f64 = std::f64::consts::FRAC_1_SQRT_2;
+
+    /// How far the quaternion of a state that is handed over may be from length one. Larger: what is no rotation is taken for one.
+    /// Smaller: states read from text with five digits are refused. Pinned by `tests/system/test_coordinates.py` between 1e-6 and 1e-2.
+    pub const UNIT_QUATERNION: f64 = 1e-4;
+
+    /// Points nearer to each other than this part of the size of the model or of their distance from the origin are one: nothing has a
+    /// direction between them, and a spring is not stretched. Larger: short parts collapse. Smaller: rounding has a direction.
+    pub const SAME_POINT: f64 = 1e-12;
+}
+
+/// Static equilibrium.
+pub mod equilibrium {
+    /// Stiffness below this part of the largest of its island counts as none. Coordinates that are held softly are stretched before.
+    /// Larger: soft springs do not hold. Smaller: rounding holds what nothing restrains.
+    /// Pinned by tests/truth/test_soft_and_stiff.py (hanging chains) and tests/linear/test_equilibrium.py.
+    pub const NO_STIFFNESS: f64 = 1e-12;
+
+    /// A force along a direction without stiffness, over the size of the forces in its island, that moves it; left over along any
+    /// coordinate it is more than a balance may leave. Larger: a weak push along a free direction passes, and what is not in
+    /// balance is called converged. Smaller: rounding of forces in balance is an error. Pinned by tests/linear/test_equilibrium.py and
+    /// tests/linear/test_equilibrium_estimate.py (converged is a claim about the residual).
+    pub const PUSHED: f64 = 1e-9;
+
+    /// Forces at work in an island, over its stiffness (times a radian or the characteristic length), that are no load but what the
+    /// last digits of a drawing make: then a rounding of places that is not small beside them is not told. Larger: forces in stiff parts
+    /// are called converged that are rounding. Smaller: unloaded models, drawn with noise in the last digits, are called unresolved.
+    /// Pinned by tests/linear/test_equilibrium_estimate.py and the suite with jitter.
+    pub const UNLOADED: f64 = 1e-11;
+
+    /// Diagonal entries of the stiffness (radians, characteristic lengths) below this part of the largest of their island are made as
+    /// large by stretching their coordinates, before eigenvalues are told from zero. Larger: searches go other ways than the
+    /// stiffness does. Smaller: springs of very different stiffness drown each other. Pinned by tests/truth/test_soft_and_stiff.py.
+    pub const GRADED: f64 = 1e-6;
+
+    /// Rounding of a force or of an entry of the stiffness, in units of the sizes of what was added up for it and of the distance from
+    /// the origin, over eps. Larger: the search ends early. Smaller: models far from the origin have no equilibrium.
+    /// Pinned by tests/invariance/test_same_equilibrium.py (moved).
+    pub const ENTRY_ROUNDING: f64 = 4.0;
+
+    /// Force that velocity rows which steer carry, over the size of the forces in its island, from which on a place is one of a family.
+    /// Larger: the place of a family is followed. Smaller: the accuracy of an equilibrium refuses its derivatives.
+    /// Pinned by tests/invariance/test_knife_edge.py.
+    pub const FAMILY: f64 = 1e-7;
+
+    /// A full step from a state whose unbalance may be rounding goes on if it leaves less than this part. Larger: steps in rounding.
+    /// Smaller: digits are given away. Pinned by tests/invariance/test_same_equilibrium.py (moved).
+    pub const SETTLED: f64 = 0.5;
+
+    /// Skew part of the stiffness, over its island, that forces without an energy make. Larger: searches by energy go the wrong way. Smaller:
+    /// rounding sends them the long way.
+    pub const NO_POTENTIAL: f64 = 1e-7;
+
+    /// Negative stiffness, over the largest of its island, from which on an equilibrium is not stable. Larger: weak instabilities are
+    /// called stable. Smaller: what is neutral falls by rounding.
+    pub const FALLS: f64 = 1e-9;
+
+    /// Unbalance, free of units, and step, in characteristic lengths or radians, that end the search: either alone at rounding; both together.
+    /// Larger: digits are given away. Smaller: steps in rounding.
+    pub const BALANCED: f64 = 1e-14;
+    /// See `BALANCED`.
+    pub const NEARLY_BALANCED: f64 = 1e-11;
+    /// See `BALANCED`.
+    pub const SMALL_STEP: f64 = 1e-9;
+
+    /// Shortest step of a descent, in characteristic lengths or radians. Larger: narrow valleys are given up. Smaller: steps in rounding.
+    pub const SHORTEST_DESCENT: f64 = 1e-9;
+
+    /// What rounding leaves of an energy, over the sum of the sizes of its terms. Larger: steps that rise pass. Smaller: steps at the bottom
+    /// fail by rounding.
+    pub const ENERGY_ROUNDING: f64 = 1e-14;
+}
+
+/// Linearised matrices.
+pub mod linearisation {
+    /// Multiple of eps times the sum of the sizes of the terms of an entry below which the entry is rounding. Too small: rounding passes for
+    /// stiffness, circulation or damping. Too large: weak effects beside strong ones in the same entry are lost.
+    /// Pinned by tests/truth/test_terms_of_linearisations.py.
+    pub const ENTRY: f64 = 8.0;
+
+    /// Entries above this share of the natural size of their row and column cannot be rounding: then no sizes are added up. Too small:
+    /// rounding stays. Too large: work without need; no entry changes. Pinned by the same tests.
+    pub const CLEAR: f64 = 1e-10;
+
+    /// Rounding of a few dozen terms of inertia that cancel, relative to their size. Too small: the turning of a shaft is held by a
+    /// stiffness of rounding. Too large: soft supports of fast shafts are lost. Seen by tests/truth/test_steady_rotation.py; not scanned.
+    pub const CANCELLED: f64 = 1e-14;
+
+    /// Multiple of eps times the size of its terms below which an entry of a strain row is rounding of poses and axes, beside one for each
+    /// body. Too small: a coordinate that no element strains counts as held. Too large: weak levers are lost.
+    /// Pinned by tests/truth/test_graded_modes.py (rows on arbitrary axes).
+    pub const POSE_ROUNDING: f64 = 32.0;
+
+    /// The same of poses in closed loops, which carry the tolerance of their closure.
+    pub const LOOP_ROUNDING: f64 = 1e5;
+
+    /// An unbalanced force above this part of all forces makes a linearisation at rest questionable, and is told. Larger: matrices of a
+    /// state that does not last pass without a word. Smaller: models in balance but for the digits of their drawing are warned of.
+    pub const BALANCED: f64 = 1e-6;
+
+    /// Change of the given velocities, over their size, from which on it is told that they contradict the joints. Larger: contradictions
+    /// pass. Smaller: rounding is told.
+    pub const VELOCITY_CORRECTED: f64 = 1e-9;
+
+    /// Displacements below this, in characteristic lengths or radians, do not count as strains where forces are called small. Larger: weak
+    /// forces of soft springs are small. Smaller: rounding of places is a force.
+    pub const UNRESOLVED: f64 = 1e-8;
+}
+
+/// Motion in time.
+pub mod motion {
+    /// Rounding of the force of a slider that moves on, in units of eps times the sum of its absolute terms: within it the sign of the rate
+    /// tells whether it slips. Free of units. Too large: sliders that stick close to their limit slip; too small: the last bit decides.
+    /// Pinned by `the_rate_decides_at_the_limit` of `force::jenkins`.
+    pub const SLIDER_ROUNDING: f64 = 4.0;
+
+    /// Part of a diagonal entry of M that the recursion over a tree must leave of it, or M is singular to rounding there and the dense
+    /// route decides. Free of units. Larger: trees with heavy tips take the slow route. Smaller: accelerations of coordinates that
+    /// move no inertia are rounding over rounding. Pinned by tests/system/test_tree_accelerations.py.
+    pub const ARTICULATED: f64 = 1e4 * f64::EPSILON;
+
+    /// Factor on the length of the next step that the error estimate proposes. Larger: more steps are repeated. Smaller: more steps are
+    /// made. A choice of cost; seen by the step counts of tests/motion/test_motion_zoo.py, not scanned.
+    pub const SAFETY: f64 = 0.85;
+
+    /// Iterations of simplified Newton methods within a step. Larger: steps that are too long are given up late. Smaller: steps that
+    /// would converge are repeated. Seen by tests/motion/test_radau.py, not scanned.
+    pub const NEWTON_ITERATIONS: usize = 12;
+
+    /// Corrections that matrices of the step itself do not shrink are rounding below this part of the motion within the step. Larger:
+    /// steps are called solved that are not. Smaller: steps at the limit of rounding are repeated without end.
+    /// Seen by tests/motion/test_motion_hard.py, not scanned.
+    pub const CORRECTION_ROUNDING: f64 = 1e-10;
+
+    /// Motions within a step below this, characteristic lengths or radians, are solved as if they were of this size: at rest there is
+    /// nothing but rounding to be relative to. Larger: slow motions are solved loosely. Smaller: rest is solved to rounding of
+    /// rounding. Seen by tests/motion/test_motion_hard.py, not scanned.
+    pub const LEAST_MOTION: f64 = 1e-6;
+
+    /// Repetitions that find the rotation vector of three rates that act together: each gains the turn within a step. Smaller: fast
+    /// turns are refused. Seen by tests/motion/test_motion_rotations.py, not scanned.
+    pub const ROTATION_REPETITIONS: usize = 40;
+}
+
+/// Rolling in motion.
+pub mod rolling {
+    /// Straight rolling: B''' and the third power of E, over the speed (lengths over the characteristic length) to the same power, and
+    /// forces along the path over their terms and over the sum of all forces. Larger: motion on slow curves is linearised as if
+    /// straight, and weak forces along the path pass unseen; smaller: rounding of a drawn model refuses it. Pinned by `test_a_trailer_is_refused`
+    /// and the bicycle of tests/truth/test_rolling.py.
+    pub const ROLLS_STEADILY: f64 = 1e-9;
+
+    /// Force that a displacement along the path of rolling makes, over the terms that it is made of, which counts as none where such
+    /// displacements are looked for. Free of units. Rounding leaves 1e-15, the smallest force of a bicycle's lean 2e-3. Larger: a lean
+    /// is taken for a heading and the bicycle refused; smaller: no heading is found and it is refused too. Never an answer: what is
+    /// found is held against the other two. Pinned by `a_force_is_seen_from_its_bound_on` of linearize/rolling.rs and
+    /// `test_a_bicycle_in_any_direction` of tests/truth/test_rolling.py.
+    pub const UNFELT: f64 = 1e-8;
+
+    /// Sine of the angle between the displacements that no force follows and the motions that rows allow, from which on they are apart;
+    /// 0.9 of bicycles. E loses the digits of its inverse, 2e-12 here, and forces along the path are held to 1e-9. Larger: motions are
+    /// refused whose answer has digits; smaller than 1e-7: what is left is rounding. Pinned by `directions_are_apart_from_their_bound_on`
+    /// of linearize/rolling.rs.
+    pub const APART: f64 = 1e-4;
+}
+
+/// Air forces on the sections of blades.
+pub mod aero {
+    /// Smallest inflow angle (rad) of an annulus through which the wind still blows. Too large: heavily loaded annuli reverse too early;
+    /// too small: a hovering rotor in a breath of wind is taken for a windmill that blocks it.
+    /// Seen by tests/aero/test_momentum.py; not scanned.
+    pub const SMALLEST_INFLOW: f64 = 1e-6;
+
+    /// k = a / (1 - a) at the axial induction a = 0.4 above which Buhl's parabola, which meets momentum theory there, replaces it.
+    pub const HIGH_LOAD: f64 = 2.0 / 3.0;
+
+    /// Steps of the search for an inflow angle that bisects every third. A count. Too small: roots are cut off; too large: nothing.
+    pub const MOST_ANNULUS_STEPS: usize = 180;
+}
+
+/// Derivatives of motions.
+pub mod sensitivity {
+    /// A given rate jumps where it changes by more than this part of itself: an impact. Larger: impacts have derivatives that are wrong.
+    /// Smaller: rounding of pieces of a motion is an impact.
+    pub const IMPACT: f64 = 1e-9;
+
+    /// Openings of loops, and rates at which they open by a parameter, below this are rounding (lengths over those of their loop, radians).
+    /// Larger: derivatives leave out that loops were closed. Smaller: rounding breaks loops open.
+    pub const DRAWN_OPEN: f64 = 1e-10;
+}
+
+/// Many designs of one model at once.
+pub mod designs {
+    /// Points nearer to each other than this part of their distances from the origin are checked one model at a time. Larger: time is lost.
+    /// Smaller: a collapsed element is seen late. The same errors come from both.
+    pub const NEARLY_COLLAPSED: f64 = 1e-6;
+}
