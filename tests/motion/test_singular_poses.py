@@ -98,7 +98,6 @@ WAYS = [
     ("explicit", "independent", (1e-8, 1e-11, 1e-13)),
     ("radau", None, (1e-6, 1e-9, 1e-11)),
     ("bdf", None, (1e-6, 1e-8, 1e-9, 1e-10)),
-    ("bdf-bfgs", None, (1e-5, 1e-8)),
     ("generalized-alpha", None, (1e-4,)),
     ("ali3p", None, (1e-4,)),
 ]
@@ -135,7 +134,7 @@ def test_right_or_stopped_with_the_pose(method, coordinates, tolerances):
 def test_many_are_right_or_stopped_with_the_pose(method, coordinates, tolerances):
     finished, tried = passes(method, coordinates, tolerances, range(12))
     print(f"{method} {coordinates or ''}: {finished} of {tried} finish")
-    assert finished >= 0.7 * tried
+    assert finished >= 0.8 * tried
 
 
 def pulled(seed, speed=0.2):
