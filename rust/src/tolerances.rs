@@ -201,11 +201,6 @@ pub mod motion {
     /// made. A choice of cost; seen by the step counts of tests/motion/test_motion_zoo.py, not scanned.
     pub const SAFETY: f64 = 0.85;
 
-    /// Errors of the step before that are smaller, over the tolerance, count as this in the length of the next. Larger: the controller
-    /// forgets how fast errors grow. Smaller: a step that was cut short makes the next ones short. A choice of cost; seen by
-    /// tests/motion/test_motion_zoo.py, not scanned.
-    pub const LEAST_PAST_ERROR: f64 = 1e-4;
-
     /// Iterations of simplified Newton methods within a step. Larger: steps that are too long are given up late. Smaller: steps that
     /// would converge are repeated. Seen by tests/motion/test_radau.py, not scanned.
     pub const NEWTON_ITERATIONS: usize = 12;
