@@ -16,6 +16,8 @@ const LOOKS: usize = 4;
 const PART: f64 = 0.7;
 /// First look ahead, over the distance that the hold allows.
 const FIRST_LOOK: f64 = 0.1;
+/// A pose that seems farther than what matters by this factor is not looked for any closer.
+const FAR: f64 = 3.0;
 /// How far behind a pose drives are tried, over the time to it.
 const BEYOND: f64 = 4.0;
 /// Rows and coordinates with so large a part of the largest in what is lost are named.
@@ -37,8 +39,8 @@ impl Equations<'_, f64> {
     }
 
     /// The time from `at` to the singular pose ahead: where the hold, which falls in proportion to the distance, is nothing along the
-    /// way that the motion begins; None where it does not fall. `hold`: at `at`.
-    pub fn way_to_singular_pose(&self, at: &Instant, hold: f64, counts: &mut Counts) -> Option<f64> {
+    /// way that the motion begins; None where it does not fall, or by far not within `reach`. `hold`: at `at`.
+    pub fn way_to_singular_pose(&self, at: &Instant, hold: f64, reach: f64, counts: &mut Counts) -> Option<f64> {
         let speed = scaled_size(&at.motion.rate, &self.scales());
         if speed == 0.0 || hold == 0.0 {
             return None;
@@ -52,6 +54,9 @@ impl Equations<'_, f64> {
                 return pose;
             }
             let zero = here.0 - here.1 / slope;
+            if zero > FAR * reach {
+                return None;
+            }
             pose = Some(zero);
             here = (next, held);
             next += PART * (zero - next);
@@ -61,7 +66,7 @@ impl Equations<'_, f64> {
 
     /// Can drives go on beyond the singular pose ahead? Rows that do not move with time can; others where they can be closed there.
     pub fn goes_beyond(&self, at: &Instant, hold: f64, counts: &mut Counts) -> bool {
-        self.way_to_singular_pose(at, hold, counts).is_none_or(|ahead| {
+        self.way_to_singular_pose(at, hold, f64::INFINITY, counts).is_none_or(|ahead| {
             let mut beyond = at.motion.clone();
             beyond.t += BEYOND * ahead;
             self.close(&mut beyond, counts).is_ok()
