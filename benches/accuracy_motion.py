@@ -24,7 +24,7 @@ LEFT_OUT = "left out: too many steps"
 
 def methods() -> list[str]:
     """The methods that take a tolerance."""
-    from mbrs.motion.simulate import METHODS
+    from mbrs.motion.options import METHODS
 
     return [m for m in METHODS if m not in ("auto", "ali3p")]
 
@@ -58,7 +58,7 @@ class Run:
 
 def study(problem: Any, rival: Callable[[float], Run] | None = None, repeat: int = 5) -> Any:
     """All methods over the tolerances; ``rival(part)`` makes runs of a peer whose fixed step goes with part = sqrt(rtol)."""
-    known = {name: place[-1] for name, place in problem.truth(np.array([problem.t])).items()}
+    known = {name: place[-1] for name, place in problem.answer(np.array([problem.t])).items()}
     return _study(problem, known, at_the_end, rival, repeat)
 
 
@@ -196,7 +196,7 @@ def rigid_rotor(turns: int = 10) -> Any:
         phi = 2 * ellipj(0.5 * w * np.asarray(t, dtype=float), modulus)[3]
         return {"rotor": np.stack([r * np.sin(phi), -r * np.cos(phi), 0 * phi], axis=1)}
 
-    return zoo.MotionProblem("rigid rotor", m, turns * 4 * ellipk(modulus) / w, truth, "Jacobi's am")
+    return zoo.MotionProblem(m, truth, "Jacobi's am", name="rigid rotor", t=turns * 4 * ellipk(modulus) / w)
 
 
 def wind_rotor() -> Any:
@@ -206,4 +206,4 @@ def wind_rotor() -> Any:
     def unknown(t: np.ndarray) -> dict[str, np.ndarray]:
         return dict.fromkeys(("section1", "section2", "section3"), np.full((len(t), 3), np.nan))
 
-    return zoo.MotionProblem("wind rotor", mb.examples.wind_rotor(air=12.0), 60.0 / 17.2, unknown, "none")
+    return zoo.MotionProblem(mb.examples.wind_rotor(air=12.0), unknown, "none", name="wind rotor", t=60.0 / 17.2)

@@ -54,7 +54,7 @@ def python_force() -> tuple[zoo.MotionProblem, Push]:
     problem.model.force("push", "lower", value=push)
     tight = mb.simulate(problem.model, t=[problem.t], rtol=1e-12, method="explicit")
     end = problem.places(tight)
-    return zoo.MotionProblem("Python force", problem.model, problem.t, lambda t: end, "explicit, 1e-12"), push
+    return zoo.MotionProblem(problem.model, lambda t: end, "explicit, 1e-12", name="Python force", t=problem.t), push
 
 
 def wind_rotor() -> tuple[zoo.MotionProblem, None]:
@@ -64,7 +64,7 @@ def wind_rotor() -> tuple[zoo.MotionProblem, None]:
     places = [{name: t.point(name) for name in ("section1", "section2", "section3")} for t in tight]
     if max(float(np.abs(places[0][name] - places[1][name]).max()) for name in places[0]) > 1e-9:
         raise RuntimeError("the tight runs of the rotor disagree")
-    return zoo.MotionProblem("wind rotor", m, end, lambda t: places[0], "explicit, 1e-13"), None
+    return zoo.MotionProblem(m, lambda t: places[0], "explicit, 1e-13", name="wind rotor", t=end), None
 
 
 def scenes() -> dict[str, Callable[[], tuple[zoo.MotionProblem, Push | None]]]:
@@ -106,7 +106,7 @@ def point(problem: zoo.MotionProblem, push: Push | None, options: dict[str, Any]
             traj = mb.simulate(problem.model, t=[problem.t], rtol=rtol, **options)
     except mb.MbrsError as trouble:
         return Point(rtol, np.nan, {}, None, str(trouble)[:70])
-    known = problem.truth(np.array([problem.t]))
+    known = problem.answer(np.array([problem.t]))
     places = problem.places(traj)
     error = max(float(np.linalg.norm(places[name][-1] - np.atleast_2d(place)[-1])) for name, place in known.items())
     calls = push.calls - before if push else None

@@ -9,8 +9,8 @@ use std::hint::black_box;
 use criterion::{Criterion, criterion_group, criterion_main};
 use faer::Mat;
 use mbrs::{
-    Cancel, Counts, Effects, Linearization, Ports, Quadratic, Reduction, Result, SecondOrder, Setting, System, Tables,
-    assemble, linearize, modes,
+    Cancel, Counts, Effects, LinearSystem, Linearization, Matrices, Ports, Result, SecondOrder, Setting, System,
+    Tables, assemble, linearize, modes,
 };
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
@@ -30,7 +30,7 @@ fn linearized(system: &System) -> Result<Linearization> {
 fn second_order(lin: &Linearization) -> Result<SecondOrder> {
     let m = &lin.matrices;
     let c = m.damping.as_ref().map(dense);
-    SecondOrder::new(dense(&m.mass), c, None, dense(&m.stiffness), None, None)
+    SecondOrder::new(dense(&m.mass), c, None, dense(&m.stiffness), None)
 }
 
 /// From numbers to modes.
@@ -78,7 +78,6 @@ fn random(n: usize, damped: bool, gyroscopic: bool) -> Result<SecondOrder> {
         gyroscopic.then_some(skew),
         positive(&b, 1.0),
         None,
-        None,
     )
 }
 
@@ -103,14 +102,14 @@ fn eigen_routes(c: &mut Criterion) -> Result<()> {
 fn transfer_functions(c: &mut Criterion) -> Result<()> {
     let n = 150;
     let system = random(n, true, false)?;
-    let quadratic = Quadratic::new(system.m.clone(), system.velocity(), system.position())?;
+    let matrices = Matrices { m: system.m, c: system.c, g: system.g, k: system.k, n: system.n };
     let l = Mat::from_fn(6, n, |i, j| f64::from(u8::from(j == 20 * i)));
     let ports = Ports { f: l.transpose().to_owned(), l, order_in: vec![0; 6], order_out: 0, d0: None };
     let omega: Vec<f64> = (0..400).map(|i| 0.01 * f64::from(i)).collect();
     let mut group = c.benchmark_group("300 states, 6 x 6 x 400");
     group.sample_size(10);
     group.bench_function("reduce and evaluate", |b| {
-        b.iter(|| Reduction::new(quadratic.clone())?.evaluate(&ports, &omega, None, true, &Cancel::default()));
+        b.iter(|| LinearSystem::new(matrices.clone())?.evaluate(&ports, &omega, None, true, &Cancel::default()));
     });
     group.finish();
     Ok(())

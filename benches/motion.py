@@ -128,7 +128,7 @@ def growth() -> list[Row]:
 
 def heavy_top() -> list[Row]:
     problem = zoo.heavy_top(t=2.0)
-    exact = problem.truth(np.array([2.0]))["top"][0]
+    exact = problem.answer(np.array([2.0]))["top"][0]
 
     def off(position: np.ndarray) -> float:
         return float(np.linalg.norm(position - exact))

@@ -178,7 +178,8 @@ def _rail_of(n: int) -> tuple[Any, np.ndarray]:
 def _bending(n: int, h: float, foundation: float) -> tuple[Any, np.ndarray]:
     """About n coordinates of a hinged beam with elements of the length h; lumped mass and foundation."""
     elements = n // 2
-    M, K, middle = of_tests("hinged_beam").matrices(elements, h)
+    problem = of_tests("problems").hinged_beam(elements, h)
+    (M, K), middle = problem.model, problem.notes["middle"]
     K = K + foundation * M
     w, force = np.zeros(K.shape[0]), np.zeros(K.shape[0])
     w[middle], force[middle] = 1.0, 0.02

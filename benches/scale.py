@@ -29,8 +29,8 @@ from tables import Row, cpu, ms, of_tests, one_thread, run, selected
 
 BEGIN, END = "<!-- scale table begins -->", "<!-- scale table ends -->"
 PROGRAMS = ("numpy", "scipy")
-truth = of_tests("ladders")
-LADDER = truth.NUMBERS[0]
+truth = of_tests("problems")
+LADDER = truth.LADDERS[0]
 LONG = 10_000
 COUNT = 20
 
@@ -98,8 +98,8 @@ def by_scipy(m: Any) -> np.ndarray:
 def ladders(sizes: tuple[int, ...] = (100, 300, 1000)) -> list[Row]:
     rows, seconds = [], {}
     for n in sizes:
-        m = truth.ladder(n, **LADDER)
-        exact = truth.exact(n, COUNT, **LADDER)
+        known = truth.ladder(n, **LADDER)
+        m, exact = known.model, known.answer["omega"][:COUNT]
         spent, found = once(lambda m=m: (mb.System(m.copy()), mb.modes(m.copy(), n=COUNT)))
         seconds[n] = spent
         error = float(np.abs(found[1].omega / exact - 1).max())
@@ -134,7 +134,7 @@ def slanting(m: Any, i: int) -> tuple[np.ndarray, np.ndarray]:
 
 def reduction() -> list[Row]:
     """M, C, K in independent coordinates against singular values and products in NumPy."""
-    m = truth.ladder(160, **LADDER)
+    m = truth.ladder(160, **LADDER).model
     ours = cpu(lambda: mb.linearize(m), repeats=3)
 
     def plain() -> Any:
@@ -213,7 +213,7 @@ def accelerations() -> list[Row]:
     """One evaluation: the difference of two motions that differ in the number of their steps."""
     rows = []
     for n, goal in ((200, 0.05e-3), (1000, 0.25e-3)):
-        m = of_tests("hinged_chain").hinged_chain(n)
+        m = of_tests("random_models").hinged_chain(n)
         short, long = (partial(mb.simulate, m, [1e-6 * k], step=1e-6, method="explicit") for k in (2, 2 + 2000 // n))
         evaluations = [f().stats.counts["force evaluations"] for f in (short, long)]
         each = (cpu(long, repeats=3) - cpu(short, repeats=3)) / (evaluations[1] - evaluations[0])
@@ -253,7 +253,7 @@ def governor() -> list[Row]:
     """Times at which both are right to 1e-7 m, over tolerances."""
     zoo, end = of_tests("motion_problems"), 10.0
     problem, runs = zoo.governor(t=end), {}
-    exact = problem.truth(np.array([end]))
+    exact = problem.answer(np.array([end]))
 
     def off(places: dict[str, np.ndarray]) -> float:
         return max(float(np.abs(places[name] - exact[name]).max()) for name in exact)
@@ -269,7 +269,7 @@ def governor() -> list[Row]:
 
     for rtol in 10.0 ** -np.arange(6.0, 12.0, 0.5):
         with mock.patch.object(zoo.true, "governor", partial(zoo.true.governor, solve=partial(solved, rtol=rtol))):
-            spent, places = once(lambda: problem.truth(np.array([end])))
+            spent, places = once(lambda: problem.answer(np.array([end])))
         if off(places) <= 1e-7:
             runs["SciPy"] = spent, rtol, off(places)
             break

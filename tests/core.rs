@@ -5,8 +5,8 @@ use std::f64::consts::TAU;
 
 use faer::Mat;
 use mbrs::{
-    Cancel, Counts, Effects, Equilibrium, Error, Kind, Linearization, Ports, Quadratic, Reduction, Result, SecondOrder,
-    Setting, System, Tables, assemble, equilibrium, linearize, modes,
+    Cancel, Counts, Effects, Equilibrium, Error, Kind, LinearSystem, Linearization, Matrices, Ports, Result,
+    SecondOrder, Setting, System, Tables, assemble, equilibrium, linearize, modes,
 };
 
 fn dense(m: &nalgebra::DMatrix<f64>) -> Mat<f64> {
@@ -17,7 +17,7 @@ fn dense(m: &nalgebra::DMatrix<f64>) -> Mat<f64> {
 fn second_order(lin: &Linearization) -> Result<SecondOrder> {
     let m = &lin.matrices;
     let c = m.damping.as_ref().map(dense);
-    SecondOrder::new(dense(&m.mass), c, None, dense(&m.stiffness), None, None)
+    SecondOrder::new(dense(&m.mass), c, None, dense(&m.stiffness), None)
 }
 
 fn linearized(system: &System) -> Result<Linearization> {
@@ -99,11 +99,12 @@ fn receptance_of_the_hexapod_is_that_of_one_oscillator() -> Result<()> {
     let system = System::new(models::cubic_hexapod(0.2, k, c, mass, 0.15))?;
     let lin = linearized(&system)?;
     let damping = lin.matrices.damping.as_ref().map(dense);
-    let q = Quadratic::new(dense(&lin.matrices.mass), damping, dense(&lin.matrices.stiffness))?;
+    let (mass_matrix, stiffness) = (dense(&lin.matrices.mass), dense(&lin.matrices.stiffness));
+    let matrices = Matrices { m: mass_matrix, c: damping, g: None, k: stiffness, n: None };
     let l = Mat::from_fn(1, 6, |_, j| lin.body_map[(2, j)]);
     let ports = Ports { f: l.transpose().to_owned(), l, order_in: vec![0], order_out: 0, d0: None };
     let omega: Vec<f64> = (1..200).map(|i| f64::from(i) * TAU).collect();
-    let values = Reduction::new(q)?.evaluate(&ports, &omega, None, true, &Cancel::default())?;
+    let values = LinearSystem::new(matrices)?.evaluate(&ports, &omega, None, true, &Cancel::default())?;
     for (w, h) in omega.iter().zip(&values.h) {
         let z = faer::c64::new(2.0 * k - w * w * mass, 2.0 * w * c);
         assert!((h * z - 1.0).norm() < 1e-10, "{w} {h}");

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from folders import DOCS
 from mbrs._lib import formats
-from mbrs.motion.simulate import METHODS
+from mbrs.motion.options import METHODS
 from mbrs.motion.trajectory import Trajectory
 
 PAGE = (DOCS / "motion.md").read_text()

@@ -15,7 +15,7 @@ import pytest
 from mbrs._lib.records import FUNCTIONS, HOMES
 
 PACKAGE = Path(mbrs.__file__).parent
-RUST = PACKAGE.parents[1] / "rust" / "src"
+RUST = Path(__file__).parents[1] / "rust" / "src"
 
 # From the bottom. A module may import what is in its own folder and in those before it, wherever the import stands: at the top, in a
 # function, for types only, by importlib. There is no exception.
@@ -50,7 +50,7 @@ BY_NAME = {
         *mbrs._MODULES.values(),
         *(".".join(parts) for parts in FILES if parts[0] == "io"),  # by their place in the folder
     ],
-    ("io", "result_files"): lambda: [*HOMES.values(), *FUNCTIONS.values()],
+    ("io", "results"): lambda: [*HOMES.values(), *FUNCTIONS.values()],
     ("model", "motions"): lambda: [],
     ("design", "study"): lambda: [],
 }

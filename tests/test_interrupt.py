@@ -310,7 +310,7 @@ def test_other_threads_run_while_the_core_works():
     thread.start()
     try:
         inside.set()
-        _core.dense_modes(system.M, system.C, None, system.K, None, None)
+        _core.SecondOrder(system.M, system.C, None, system.K, None).modes()
         inside.clear()
     finally:
         over.set()

@@ -20,7 +20,7 @@ import numpy as np
 import pytest
 from air_models import vane
 from mbrs._lib.records import HOMES
-from mbrs.io.result_files import member
+from mbrs.io.results import member
 from mbrs.linear.measurement import MeasuredFunction, Measurement
 from mbrs.results import Result
 

@@ -46,7 +46,7 @@ def main(where: Path | str) -> None:
     still = turning(scale, 0.0, gravity=None)
     curves = {
         "multibody": multibody(scale, loads=loads)[1],
-        "modal method, all terms": tip(rotor, rotor.superposed(TIMES).y, scale),
+        "modal method, all terms": tip(rotor, rotor.superposed(TIMES), scale),
         "modal method, inertial frame": tip(rotor, inertial(rotor, still), scale),
     }
     full, rows = curves["multibody"], []

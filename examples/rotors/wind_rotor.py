@@ -65,7 +65,7 @@ linear = rotor.superposed(t)
 def modal(k):
     """Modal coordinate k of the three blades, by both methods."""
     one = np.stack([traj.modal(blade)[:, k] for blade in blades], axis=1)
-    return one, linear.y[:, [linear.names.index(f"{blade}.q{k + 1}") for blade in blades]]
+    return one, linear[:, [rotor.names.index(f"{blade}.q{k + 1}") for blade in blades]]
 
 
 figure, axes = plt.subplots(4, 1, figsize=(8.5, 9.5), sharex=True, layout="constrained")

@@ -30,7 +30,7 @@ _HOME = {
     "SingularError": "errors",
     "StoreError": "errors",
     "Model": "model.model",
-    "load": "io.result_files",
+    "load": "io.results",
     "MechanicalSystem": "linear.matrices",
     "System": "system.system",
     "base_motion": "model.ports",

@@ -61,7 +61,7 @@ from .gradients.objectives import AtTimes as AtTimes
 from .gradients.objectives import Final as Final
 from .gradients.objectives import Integral as Integral
 from .io.fmu import fmu as fmu
-from .io.result_files import load as load
+from .io.results import load as load
 from .io.sep005 import from_sep005 as from_sep005
 from .io.sep005 import to_sep005 as to_sep005
 from .linear.campbell import CampbellResult as CampbellResult

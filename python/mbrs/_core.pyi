@@ -28,7 +28,6 @@ __all__ = [
     "CoreRouteError",
     "CoreSingularError",
     "DesignPlan",
-    "FrfReduction",
     "HbmBranch",
     "HbmElements",
     "HbmLinear",
@@ -36,15 +35,14 @@ __all__ = [
     "MotionForward",
     "Program",
     "RootInverse",
+    "SecondOrder",
     "System",
     "__version__",
     "available_memory",
     "check_symmetry",
-    "dense_modes",
     "directions",
     "eigen_sensitivities",
     "induced_velocity",
-    "is_strained",
     "law_force",
     "law_relaxations",
     "missed_resonances",
@@ -80,16 +78,6 @@ class CoreSingularError(CoreError): ...
 class CoreConvergenceError(CoreError): ...
 class CoreNotDifferentiableError(CoreError): ...
 
-def dense_modes(
-    m: np.ndarray,
-    c: np.ndarray | None,
-    g: np.ndarray | None,
-    k: np.ndarray,
-    n: np.ndarray | None,
-    kf: np.ndarray | None,
-    mf: np.ndarray | None = None,
-) -> dict[str, Any]: ...
-
 BALANCED: float
 SAME_ROOT: float
 
@@ -124,73 +112,55 @@ def missed_resonances(
     suspects: Sequence[float],
     peaks: NDArray[np.complex128],
 ) -> list[float]: ...
-def is_strained(factor: _F2, shape: _F2, mass: _F2) -> bool: ...
 def sparse_model_modes(
-    system: System, q: _F1, rate: _F1, without: Sequence[str], n: int, sigma: float | None = None
+    system: System,
+    q: _F1,
+    rate: _F1,
+    acceleration: Sequence[float],
+    without: Sequence[str],
+    n: int,
+    sigma: float | None = None,
 ) -> dict[str, Any]: ...
-def sparse_model_form(system: System, q: _F1, rate: _F1, without: Sequence[str]) -> dict[str, Any]: ...
+def sparse_model_form(
+    system: System, q: _F1, rate: _F1, acceleration: Sequence[float], without: Sequence[str]
+) -> dict[str, Any]: ...
+
+# L, F, order_in, D0
+_Maps = tuple[_F2, _F2, _Ints, _F2 | None]
+# t, u, bulge, x0, v0
+_Loads = tuple[_F1, _F2, _F2, _F1, _F1]
+# number of parameters, dM, dD, dS, dF, dL, dD0
+_Changes = tuple[int, *tuple[_F3 | None, ...]]
 
 @final
-class FrfReduction:
-    """M, D, S reduced once; maps and frequencies come with each call."""
+class SecondOrder:
+    """M, C, G, K, N with what is derived from them, each of it once; maps, frequencies and loads come with each call."""
 
-    def __new__(cls, m: _F2, d: _F2 | None, s: _F2) -> FrfReduction: ...
+    def __new__(cls, m: _F2, c: _F2 | None, g: _F2 | None, k: _F2, n: _F2 | None) -> SecondOrder: ...
     @property
-    def poles(self) -> NDArray[np.complex128] | None: ...
+    def size(self) -> int: ...
     @property
-    def counts(self) -> dict[str, int]: ...
+    def M(self) -> _F2: ...
+    @property
+    def C(self) -> _F2 | None: ...
+    @property
+    def G(self) -> _F2 | None: ...
+    @property
+    def K(self) -> _F2: ...
+    @property
+    def N(self) -> _F2 | None: ...
+    def modes(self, kf: _F2 | None = None, mf: _F2 | None = None) -> dict[str, Any]: ...
+    def is_strained(self, factor: _F2, shape: _F2) -> bool: ...
+    def poles(self) -> tuple[NDArray[np.complex128] | None, dict[str, int]]: ...
     def evaluate(
-        self,
-        l: _F2,
-        f: _F2,
-        order_in: _Ints,
-        d0: _F2 | None,
-        order_out: int,
-        omega: _F1,
-        modes: int | None = None,
-        checked: bool = True,
+        self, maps: _Maps, order_out: int, omega: _F1, modes: int | None = None, checked: bool = True
     ) -> dict[str, Any]: ...
-    def sensitivity(
-        self,
-        l: _F2,
-        f: _F2,
-        order_in: _Ints,
-        d0: _F2 | None,
-        order_out: int,
-        omega: _F1,
-        n_p: int,
-        dm: _F3 | None,
-        dd: _F3 | None,
-        ds: _F3 | None,
-        df: _F3 | None,
-        dl: _F3 | None,
-        dd0: _F3 | None,
-    ) -> dict[str, Any]: ...
-    def response(
-        self, l: _F2, f: _F2, order_in: _Ints, d0: _F2 | None, t: _F1, u: _F2, bulge: _F2, x0: _F1, v0: _F1
-    ) -> dict[str, Any]: ...
-    def response_sensitivity(
-        self,
-        l: _F2,
-        f: _F2,
-        order_in: _Ints,
-        d0: _F2 | None,
-        t: _F1,
-        u: _F2,
-        bulge: _F2,
-        x0: _F1,
-        v0: _F1,
-        n_p: int,
-        dm: _F3 | None,
-        dd: _F3 | None,
-        ds: _F3 | None,
-        df: _F3 | None,
-        dl: _F3 | None,
-        dd0: _F3 | None,
-    ) -> list[dict[str, Any]]: ...
+    def sensitivity(self, maps: _Maps, order_out: int, omega: _F1, changes: _Changes) -> dict[str, Any]: ...
+    def response(self, maps: _Maps, loads: _Loads) -> dict[str, Any]: ...
+    def response_sensitivity(self, maps: _Maps, loads: _Loads, changes: _Changes) -> list[dict[str, Any]]: ...
 
-def eigen_sensitivities(matrices: Any, modes: Any, changes: Any) -> dict[str, Any]: ...
-def shape_sensitivities(matrices: Any, modes: Any, changes: Any, ds: np.ndarray) -> dict[str, Any]: ...
+def eigen_sensitivities(system: SecondOrder, modes: Any, changes: Any) -> dict[str, Any]: ...
+def shape_sensitivities(system: SecondOrder, modes: Any, changes: Any, ds: np.ndarray) -> dict[str, Any]: ...
 
 _Direction = tuple[Sequence[int], Sequence[float]]
 
@@ -222,6 +192,7 @@ class System:
         acceleration: Sequence[float] = ...,
         turn: _F2 | None = ...,
         raw: bool = ...,
+        held: Sequence[float] = ...,
     ) -> dict[str, Any]: ...
     def stiffness_factor(self, q: _F1, without: Sequence[str]) -> _F2 | None: ...
     def mobility(self, q: _F1) -> dict[str, Any]: ...
@@ -234,6 +205,7 @@ class System:
         without: Sequence[str],
         acceleration: Sequence[float] = ...,
         turn: _F2 | None = None,
+        held: Sequence[float] | None = None,
     ) -> dict[str, Any] | None: ...
     def law_places(self, q: _F1, rate: _F1) -> list[tuple[int, int, int, _F1, _F1, float, float]]: ...
     def function_places(self, q: _F1, rate: _F1) -> list[tuple[int, int, int, _F1, _F2, list[float], list[float]]]: ...
@@ -274,7 +246,9 @@ def motion_is_explicit(
     span: tuple[float, float],
     step: float | None = None,
 ) -> bool: ...
-def motion_quadrature(scheme: str) -> tuple[float, float, list[tuple[float, float]]]: ...
+def motion_quadrature(
+    system: System, scheme: str, times: list[float], orders: list[int]
+) -> tuple[list[float], list[float]]: ...
 def motion_of_element(
     system: System, element: int, t: _F1, q: _F2, rate: _F2, memory: _F2, without: Sequence[str]
 ) -> _F3: ...
@@ -328,9 +302,7 @@ class HbmElements:
 @final
 class HbmLinear:
     @staticmethod
-    def full(
-        m: NDArray[np.float64], c: NDArray[np.float64], k: NDArray[np.float64], forces: NDArray[np.complex128]
-    ) -> HbmLinear: ...
+    def full(system: SecondOrder, forces: NDArray[np.complex128]) -> HbmLinear: ...
     @staticmethod
     def sparse(
         n: int, row: Any, column: Any, m: Any, c: Any, k: Any, retained: Any, forces: NDArray[np.complex128]
@@ -407,23 +379,9 @@ class HbmBranch:
         cls,
         problem: HbmProblem,
         y: NDArray[np.float64],
-        omega: list[float],
-        level: float,
-        parameter: str,
-        begin: float,
-        start: float,
-        stop: float,
-        *,
-        predictor: str,
-        corrector: str,
-        first_step: float,
-        least_step: float,
-        largest_step: float,
-        tolerance: float,
-        stability: bool,
-        events: bool,
-        towards: NDArray[np.float64] | None = None,
-        across: bool = False,
+        at: tuple[list[float], float],
+        path: dict[str, Any],
+        options: dict[str, Any],
         model: Any = None,
     ) -> HbmBranch: ...
     def run(self, points: int, seconds: float) -> dict[str, Any]: ...
@@ -476,14 +434,6 @@ def root_solve(
     function: Callable[[_F1], _F1],
     observer: Callable[[_F1, _F1], bool] | None,
     x0: Sequence[float] | _F1,
-    broyden: bool,
-    tolerance: float,
-    rule: tuple[float, float, float, float, int, bool],
-    guard: tuple[float, float, float],
-    limits: tuple[int, int, int, int],
-    fallback: bool,
-    differences: float | None,
-    pattern: tuple[Sequence[int], Sequence[int]] | None,
-    memory: int | None,
+    options: dict[str, Any],
     inverse: RootInverse | None,
 ) -> dict[str, Any]: ...

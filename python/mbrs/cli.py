@@ -389,39 +389,46 @@ def _extremes(traj: Any, curves: dict[str, Any]) -> str:
     return table(["m or rad", "start", "end", "least", "largest"], rows)
 
 
-def parse_times(text: str) -> Any:
-    """``"10"`` is the end, ``"0:10:1001"`` so many even times, ``"0,0.5,2"`` these, all in s.
-
-    Raises ``click.BadParameter`` for anything else.
-    """
+def _numbers(text: str, option: str, hint: str, least: float = float("-inf")) -> tuple[list[float], bool]:
+    """The finite numbers of "a:b:n" (a range: true) or of "a,b,c"; the last of three in a range is a whole number."""
     import math
-
-    import numpy as np
 
     parts = text.split(":")
     try:
         numbers = [float(part) for part in (parts if len(parts) > 1 else text.split(","))]
     except ValueError:
-        numbers = []
-    whole = len(parts) == 1 or (len(numbers) == 3 and numbers[2] == int(numbers[2]) and 2 <= numbers[2] <= 1e8)
-    if not numbers or not all(math.isfinite(x) for x in numbers) or not whole:
-        raise click.BadParameter(f"{text!r} is not a valid time; use 10, 0:10:1001 or 0,0.5,2 (in s)", param_hint="--t")
-    if len(parts) > 1:
+        numbers = [math.nan]
+    counted = len(parts) != 3 or (
+        math.isfinite(numbers[-1]) and numbers[-1] == int(numbers[-1]) and 2 <= numbers[-1] <= 1e8
+    )
+    if not all(math.isfinite(x) and x >= least for x in numbers) or len(parts) > 3 or not counted:
+        raise click.BadParameter(f"{text!r} is not {hint}", param_hint=option)
+    return numbers, len(parts) > 1
+
+
+def parse_times(text: str) -> Any:
+    """``"10"`` is the end, ``"0:10:1001"`` so many even times, ``"0,0.5,2"`` these, all in s.
+
+    Raises ``click.BadParameter`` for anything else.
+    """
+    import numpy as np
+
+    hint = "a valid time; use 10, 0:10:1001 or 0,0.5,2 (in s)"
+    numbers, range_ = _numbers(text, "--t", hint)
+    if range_ and len(numbers) == 2:
+        raise click.BadParameter(f"{text!r} is not {hint}", param_hint="--t")
+    if range_:
         return np.linspace(numbers[0], numbers[1], int(numbers[2]))
     return numbers[0] if len(numbers) == 1 else np.array(numbers)
 
 
 def parse_level(text: str) -> Any:
     """``"1"`` is a number, ``"0.1:2"`` a range. Raises ``click.BadParameter`` for anything else."""
-    import math
-
-    try:
-        numbers = [float(part) for part in text.split(":")]
-    except ValueError:
-        numbers = []
-    if len(numbers) not in (1, 2) or not all(math.isfinite(x) for x in numbers):
-        raise click.BadParameter(f"{text!r} is not a factor; write 1 or 0.1:2", param_hint="--level")
-    return numbers[0] if len(numbers) == 1 else (numbers[0], numbers[1])
+    hint = "a factor; write 1 or 0.1:2"
+    numbers, range_ = _numbers(text, "--level", hint)
+    if len(numbers) != (2 if range_ else 1):
+        raise click.BadParameter(f"{text!r} is not {hint}", param_hint="--level")
+    return (numbers[0], numbers[1]) if range_ else numbers[0]
 
 
 def parse_harmonics(text: str) -> Any:
@@ -440,30 +447,18 @@ def parse_frequency(text: str) -> Any:
 
     Raises ``click.BadParameter`` for anything else.
     """
-    import math
-
     import numpy as np
 
-    hint = f"{text!r} is not a frequency; write 1:200, 1:200:500 or 1,2,5 (in Hz)"
-    parts = text.split(":")
-    try:
-        numbers = [float(part) for part in (parts if len(parts) > 1 else text.split(","))]
-    except ValueError:
-        raise click.BadParameter(hint, param_hint="--frequency") from None
-    if not all(math.isfinite(f) and f >= 0.0 for f in numbers) or len(parts) > 3:
-        raise click.BadParameter(hint, param_hint="--frequency")
-    if len(parts) == 1:
+    hint = "a frequency; write 1:200, 1:200:500 (so many points, at least two) or 1,2,5 (in Hz)"
+    numbers, range_ = _numbers(text, "--frequency", hint, least=0.0)
+    if not range_:
         return np.array(numbers)
     if numbers[1] <= numbers[0]:
         raise click.BadParameter(
             f"{text!r} does not rise: the second frequency must be above the first", param_hint="--frequency"
         )
-    if len(parts) == 2:
+    if len(numbers) == 2:
         return (numbers[0], numbers[1])
-    if numbers[2] != int(numbers[2]) or numbers[2] < 2:
-        raise click.BadParameter(
-            f"{text!r}: the number of points must be a whole number above 1", param_hint="--frequency"
-        )
     return np.linspace(numbers[0], numbers[1], int(numbers[2]))
 
 

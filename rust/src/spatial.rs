@@ -92,10 +92,6 @@ pub fn outer<T: Real>(a: &V3<T>, b: &V3<T>) -> M3<T> {
     a * b.transpose()
 }
 
-pub fn scaled_identity<T: Real>(s: T) -> M3<T> {
-    M3::from_diagonal_element(s)
-}
-
 /// A twist (velocity or small motion) or a wrench: translation or force `l`, rotation or moment `a`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Six<T: Real> {

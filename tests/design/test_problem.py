@@ -3,7 +3,8 @@
 import mbrs as mb
 import numpy as np
 import pytest
-from motion_models import five_bar, silent, spatial_loop
+from mbrs.examples import five_bar
+from motion_models import silent, spatial_loop
 
 
 def oscillator():

@@ -7,7 +7,7 @@ from dataclasses import replace
 import mbrs as mb
 import numpy as np
 import pytest
-from beam_models import flying, pendulum, rod, rotor_blade
+from flexible_models import beam, beam_pendulum, flying_beam, rotor_blade
 from mbrs import reference as ref
 from mbrs.flexible._elements import Section, mesh
 from mbrs.flexible._integrals import shape_integrals
@@ -35,7 +35,7 @@ def somewhere(sys, rng, size=0.3, rate=1.0):
 
 def test_the_cloud_has_the_integrals():
     """Every inner product of the fields over the particles, those of the second order included."""
-    b = rod(6)
+    b = beam(6)
     own = Body("", np.zeros(3), np.eye(3), b.com, np.asarray(b.mass), b.inertia, np.zeros(3), np.zeros(3))
     c = fx.particles(own, b.S, b.P1, b.P2, b.KG)
     second = 0.5 * np.trace(b.inertia) * np.eye(3) - b.inertia + b.mass * np.outer(b.com, b.com)
@@ -106,7 +106,7 @@ def test_inertia_forces_against_particles_of_the_finite_elements():
 
 def test_tangents_against_differences():
     """K, C and M of inertia, and K of weight, about a state that moves."""
-    sys = ref.System(tables(pendulum()))
+    sys = ref.System(tables(beam_pendulum()))
     rng = np.random.default_rng(1)
     state = somewhere(sys, rng)
     a = rng.normal(size=6 * sys.nb)
@@ -146,7 +146,7 @@ def test_tangents_against_differences():
 
 def test_held_shapes_are_a_rigid_body():
     """At q = q' = 0 force and moment of inertia, and weight, are those of the rigid body, in any motion."""
-    b = rod(3)
+    b = beam(3)
     rng = np.random.default_rng(2)
     v, w, a, alpha = rng.normal(size=(4, 3))
     wrench = {}
@@ -173,7 +173,7 @@ def test_held_shapes_are_a_rigid_body():
 @pytest.mark.parametrize("stiffening", [True, False])
 def test_energy_of_a_free_flight(stiffening):
     """Large rotation and bending, second-order shapes included: inertia, weight and elasticity keep the energy."""
-    sys = ref.System(tables(flying(stiffening=stiffening, EI_flap=4.0, EI_edge=9.0, GJ=5.0, modes=3)))
+    sys = ref.System(tables(flying_beam(stiffening=stiffening, EI_flap=4.0, EI_edge=9.0, GJ=5.0, modes=3)))
     bent = advance(sys, ref.drawn_state(sys), np.r_[np.zeros(6), 0.1, -0.07, 0.03])
     rate = np.r_[1.0, 2.0, 3.0, 0.3, 2.2, -1.4, 0.2, 0.3, -0.2]
     lost = []
@@ -194,7 +194,7 @@ def test_tree_through_either_end():
     found = []
     for held in ("root", "tip"):
         m = mb.Model("held at both ends")
-        f = m.flexible_body("rod", rod(), at=(0, 0, 0))
+        f = m.flexible_body("rod", beam(), at=(0, 0, 0))
         stiff = dict(k=(900.0, 1000, 1100, 70, 80, 90))
         other = "tip" if held == "root" else "root"
         block = m.body("block", mass=1.0, inertia=(0.1, 0.1, 0.1), at=(2.0, 0, 0))
@@ -280,7 +280,7 @@ def test_bdf_bfgs_of_a_turning_blade():
 
 def test_complex_steps_through_the_integrals():
     """Derivatives of M, D and S by any number of a flexible body."""
-    t = tables(pendulum(modes=2))
+    t = tables(beam_pendulum(modes=2))
     rng = np.random.default_rng(5)
     start_, size = int(t["flexible_x"][0]), 12 * 2 + 23 * 4
     x = np.array(t["x"])

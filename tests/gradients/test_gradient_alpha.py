@@ -3,7 +3,8 @@
 import mbrs as mb
 import numpy as np
 import pytest
-from motion_models import blade, five_bar, open_chain, silent, spatial_loop
+from mbrs.examples import five_bar
+from motion_models import blade, open_chain, silent, spatial_loop
 from oracles.generalized_alpha_gradient import AlphaScheme
 from test_gradient import FIVE_BAR, LENGTHS, SOME, against_the_reference, differences, drift, three_ways, worst
 

@@ -4,7 +4,8 @@ import mbrs as mb
 import numpy as np
 import pytest
 from gradient_scenes import SCENES
-from motion_models import five_bar, open_chain, silent, spatial_loop
+from mbrs.examples import five_bar
+from motion_models import open_chain, silent, spatial_loop
 from test_gradient import FIVE_BAR, LENGTHS, differences, drift, worst
 from test_gradient_hand import against_direct
 

@@ -7,7 +7,8 @@ import mbrs as mb
 import numpy as np
 import pytest
 from mbrs.errors import MbrsWarning, ModelError, NotDifferentiableError
-from motion_models import five_bar, silent
+from mbrs.examples import five_bar
+from motion_models import silent
 from test_gradient import FIVE_BAR, LENGTHS, drift, worst
 from test_gradient_hard import double_pendulum
 from test_objectives import oscillator, x

@@ -4,7 +4,8 @@ import mbrs as mb
 import numpy as np
 import pytest
 from gradient_scenes import SCENES
-from motion_models import five_bar, open_chain, silent, spatial_loop
+from mbrs.examples import five_bar
+from motion_models import open_chain, silent, spatial_loop
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 from test_gradient import FIVE_BAR, LENGTHS, differences, drift, everything, worst
@@ -139,9 +140,8 @@ def place(m):
 SMOOTH = {five_bar: LENGTHS, open_chain: ["a.mass", "bush.k[1]"], spatial_loop: ["R1.at[0]", "spring.c", "crank.mass"]}
 
 
-@pytest.mark.parametrize("make", list(SMOOTH), ids=lambda f: f.__name__)
-def test_motion_and_derivatives_have_the_order_of_the_scheme(make):
-    """At twenty instants, and of an integral; the explicit scheme of order 8 with fine steps is exact beside them."""
+def errors_of_motion_and_derivatives(make, scheme, steps):
+    """At twenty instants, and of an integral, for each step; the explicit scheme of order 8 with fine steps is exact beside them."""
     m, names = silent(make), SMOOTH[make]
     body, psi = m.bodies[-1].name, mb.Integral(place(m))
 
@@ -157,9 +157,12 @@ def test_motion_and_derivatives_have_the_order_of_the_scheme(make):
         ]
 
     exact = run("explicit", 0.005)
-    errors = [
-        [np.linalg.norm(np.asarray(a) - b) for a, b in zip(run("radau", h), exact, strict=True)] for h in (0.02, 0.01)
-    ]
+    return [[np.linalg.norm(np.asarray(a) - b) for a, b in zip(run(scheme, h), exact, strict=True)] for h in steps]
+
+
+@pytest.mark.parametrize("make", list(SMOOTH), ids=lambda f: f.__name__)
+def test_motion_and_derivatives_have_the_order_of_the_scheme(make):
+    errors = errors_of_motion_and_derivatives(make, "radau", (0.02, 0.01))
     orders = np.log2(np.divide(*errors))
     print(f"{make.__name__}: errors {errors[1]}, orders {orders}")
     assert np.all(orders > 4.7)

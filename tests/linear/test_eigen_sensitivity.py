@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
-
 import numpy as np
 import pytest
 import scipy.sparse as sp
@@ -12,6 +10,8 @@ from mbrs.linear.eigen_sensitivity import EigenSensitivity, eigen_sensitivity
 from mbrs.linear.matrices import MechanicalSystem
 from mbrs.linear.modes import modes
 from mpmath import mp
+from oracles.precise import companion
+from problems import hexapod_matrices
 
 DIGITS = 50
 STEP = "1e-16"  # central differences: truncation 1e-32, rounding 1e-34
@@ -38,14 +38,7 @@ class Exact:
     def __init__(self, m, d, k) -> None:
         self.m, self.d, self.k = m, d, k
         n = m.rows
-        inverse = m**-1
-        low, high = -inverse * k, -inverse * d
-        a = mp.zeros(2 * n)
-        for i in range(n):
-            a[i, n + i] = 1
-            for j in range(n):
-                a[n + i, j], a[n + i, n + j] = low[i, j], high[i, j]
-        self.roots, vectors = mp.eig(a)
+        self.roots, vectors = mp.eig(companion(m, d, k))
         self.vectors = [mp.matrix([vectors[i, j] for i in range(n)]) for j in range(2 * n)]
 
     def near(self, s: complex) -> int:
@@ -174,15 +167,10 @@ def test_triple_eigenvalue_against_50_digit_differences():
 
 
 def test_hexapod_closed_form():
-    edge, k, mass, inertia = 0.2, 1e5, 20.0, 0.15
-    corners = edge * np.array([[1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 1, 1], [0, 0, 1], [1, 0, 1]]) - edge / 2
-    rows = []
-    for a, b in itertools.pairwise([*corners, corners[0]]):
-        along = (b - a) / np.linalg.norm(b - a)
-        rows.append([*along, *np.cross((a + b) / 2, along)])
-    g = np.array(rows)
-    dK = (g.T @ g)[:, :, None]
-    r = modes(MechanicalSystem(np.diag([mass] * 3 + [inertia] * 3), 3e-4 * k * dK[:, :, 0], k * dK[:, :, 0]))
+    k, mass = 1e5, 20.0
+    isolator = hexapod_matrices(k=k, mass=mass).model
+    dK = isolator.K[:, :, None] / k
+    r = modes(isolator)
     zero = np.zeros((6, 6, 1))
     dM = np.diag([1.0, 1, 1, 0, 0, 0])[:, :, None]
     s = eigen_sensitivity(

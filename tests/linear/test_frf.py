@@ -10,15 +10,7 @@ import pytest
 from mbrs.errors import MbrsWarning, ModelError, NameNotFoundError
 from mbrs.linear.frf import frf, frf_sensitivity
 from mbrs.linear.matrices import MechanicalSystem
-
-
-def chain(n, k=1.0, fixed=True):
-    """Masses in a row, springs between neighbours, the first tied to ground where fixed."""
-    K = k * (2 * np.eye(n) - np.eye(n, k=1) - np.eye(n, k=-1))
-    K[-1, -1] = k
-    if not fixed:
-        K[0, 0] = k
-    return K
+from problems import spring_row
 
 
 def random_system(rng, n, damping=0.05, gyroscopic=False, circulatory=False):
@@ -60,14 +52,14 @@ def exact(system, F, L, omega):
 
 @pytest.mark.parametrize("kind, power", [("receptance", 0), ("mobility", 1), ("accelerance", 2)])
 def test_one_degree_of_freedom_is_the_closed_form(kind, power):
-    m, c, k = 2.0 + power, 0.4, 8.0  # another system each time: equal ones would share a reduction
+    m, c, k = 2.0 + power, 0.4, 8.0
     omega = np.array([0.0, 0.1, 1.9, 2.0, 2.1, 50.0])
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         h = frf(MechanicalSystem([[m]], [[c]], [[k]]), 0, 0, omega=omega, kind=kind)
     expected = (1j * omega) ** power / (k - m * omega**2 + 1j * c * omega)
     np.testing.assert_allclose(h.value[0, 0], expected, rtol=1e-14, atol=1e-300)
-    assert h.stats.counts["eigensolutions"] == 1
+    assert h.stats.counts["symmetric eigensolutions"] == 1
 
 
 @pytest.mark.parametrize("n", [1, 2, 5, 12, 40])
@@ -98,7 +90,7 @@ def test_every_route_equals_direct_solves(n, kind):
 def test_300_states_equal_direct_solves():
     rng = np.random.default_rng(5)
     n = 150
-    K = chain(n, 1e4)
+    K = spring_row(np.full(n, 1e4))
     s = MechanicalSystem(np.diag(rng.uniform(1, 2, n)), 1e-3 * K + np.diag(rng.uniform(0, 30, n)), K)
     ports = list(range(0, 36, 6))
     omega = np.linspace(1.0, 250.0, 50)
@@ -112,7 +104,10 @@ def test_300_states_equal_direct_solves():
 
 @pytest.mark.slow
 def test_estimated_error_is_the_true_one_over_random_cases():
-    """true/estimated in [.01, 10] in 95 % of 200 random systems; true from 50 digits at 3 points per case."""
+    """true/estimated in [.01, 10] in 95 % of 200 random systems; true from 50 digits at 3 points per case.
+
+    References are rounded to numbers, so that a true error below half of that rounding is not known.
+    """
     rng = np.random.default_rng(11)
     good = 0
     for case in range(200):
@@ -125,7 +120,7 @@ def test_estimated_error_is_the_true_one_over_random_cases():
             h = frf(s, F, L, omega=omega)
         reference = np.array([exact(s, F, L.T, w)[0] for w in omega])
         true = np.max(np.abs(h.value[0, 0] - reference) / np.abs(reference))
-        good += 0.01 <= true / h.error <= 10.0
+        good += 0.01 <= max(true, np.finfo(float).eps / 2) / h.error <= 10.0
     print(f"estimates within [.01, 10]: {good} of 200")
     assert good >= 190
 
@@ -133,7 +128,7 @@ def test_estimated_error_is_the_true_one_over_random_cases():
 def test_damping_ratio_1e6_at_resonance():
     """zeta = 1e-6: the peak is right to the condition of the problem, about eps / zeta."""
     n = 6
-    K = chain(n)
+    K = spring_row(np.ones(n))
     s = MechanicalSystem(np.eye(n), 2e-6 * K, K)
     peaks = np.sqrt(np.linalg.eigvalsh(K))
     h = frf(s, 0, n - 1, omega=peaks)
@@ -236,27 +231,18 @@ def test_base_motion_orders_and_feedthrough_through_the_core():
 
     m, c, k = 2.0, 0.4, 8.0
     one = np.ones((1, 1))
-    reduction = _core.FrfReduction(m * one, c * one, k * one)
+    system = _core.SecondOrder(m * one, c * one, None, k * one, None)
     omega = np.linspace(0.0, 5.0, 11)
-    raw = reduction.evaluate(one, -m * one, np.array([2]), one, 0, omega)
+    raw = system.evaluate((one, -m * one, np.array([2]), one), 0, omega)
     expected = (k + 1j * omega * c) / (k - m * omega**2 + 1j * omega * c)
     np.testing.assert_allclose(raw["value"][0, 0], expected, rtol=1e-14)
-
-
-def test_a_second_call_reuses_the_reduction():
-    rng = np.random.default_rng(3)
-    s = random_system(rng, 8)
-    first = frf(s, 0, 1, frequency=(0.1, 2.0))
-    second = frf(s, 2, 3, frequency=(0.1, 1.0))
-    assert first.stats.counts["eigensolutions"] >= 1
-    assert second.stats.counts.get("eigensolutions", 0) == 0
 
 
 @pytest.mark.filterwarnings("ignore:the frequency points miss")
 def test_switching_damping_off_takes_the_symmetric_route():
     rng = np.random.default_rng(8)
     s = random_system(rng, 6, gyroscopic=True)
-    omega = [0.5, 1.0]
+    omega = np.linspace(0.5, 1.0, 9)
     full, bare = frf(s, 0, 0, omega=omega), frf(s, 0, 0, omega=omega, without=("damping", "gyroscopic"))
     assert full.stats.effects == ("damping", "gyroscopic") and bare.stats.effects == ()
     assert bare.stats.route == "real modes"
@@ -334,17 +320,17 @@ def test_wrong_input_is_named(call, error, text):
 def test_wrong_shapes_at_the_border():
     from mbrs import _core
 
+    none = np.zeros((0, 0))
     with pytest.raises(_core.CoreModelError, match="2 rows"):
-        _core.FrfReduction(np.eye(2), None, np.eye(3))
+        _core.SecondOrder(np.eye(2), None, None, np.eye(3), None)
     with pytest.raises(_core.CoreModelError, match="no coordinates"):
-        _core.FrfReduction(np.zeros((0, 0)), None, np.zeros((0, 0)))
-    r = _core.FrfReduction(np.eye(2), None, np.eye(2))
+        _core.SecondOrder(none, None, None, none, None).evaluate((none, none, [], None), 0, np.ones(1))
+    r = _core.SecondOrder(np.eye(2), None, None, np.eye(2), None)
     with pytest.raises(_core.CoreModelError, match="derivative orders"):
-        r.evaluate(np.eye(2), np.eye(2), np.array([0]), None, 0, np.array([1.0]))
+        r.evaluate((np.eye(2), np.eye(2), np.array([0]), None), 0, np.array([1.0]))
     with pytest.raises(_core.CoreModelError, match="dM has shape"):
-        r.sensitivity(
-            np.eye(2), np.eye(2), [0, 0], None, 0, np.ones(1), 1, np.zeros((3, 2, 1)), None, None, None, None, None
-        )
+        changes = (1, np.zeros((3, 2, 1)), None, None, None, None, None)
+        r.sensitivity((np.eye(2), np.eye(2), [0, 0], None), 0, np.ones(1), changes)
 
 
 def test_result_prints_labels_and_pickles(tmp_path):
@@ -363,7 +349,7 @@ def test_result_prints_labels_and_pickles(tmp_path):
 def test_a_sum_of_few_modes_says_what_is_missing():
     """Truncation error falls with the number of modes and the estimate follows it."""
     n = 30
-    s = MechanicalSystem(np.eye(n), 0.02 * np.eye(n), chain(n))
+    s = MechanicalSystem(np.eye(n), 0.02 * np.eye(n), spring_row(np.ones(n)))
     omega = np.linspace(0.01, 0.5, 300)
     full = frf(s, 0, n - 1, omega=omega)
     errors = []
@@ -387,7 +373,7 @@ def test_large_sparse_systems_stay_sparse(damped):
     import scipy.sparse as sp
 
     n = 2000
-    K = sp.csc_matrix(chain(n))
+    K = sp.csc_matrix(spring_row(np.ones(n)))
     C = sp.diags(np.linspace(0.0, 1e-3, n)) if damped else None
     s = MechanicalSystem(sp.identity(n, format="csc"), C, K)
     h = frf(s, 0, [0, n - 1], omega=(1e-4, 5e-3))
@@ -410,22 +396,3 @@ def test_large_sparse_systems_stay_sparse(damped):
         np.testing.assert_allclose(np.sort(inside), expected, rtol=1e-8)
         with pytest.warns(MbrsWarning, match="miss"):
             frf(s, 0, 0, omega=np.linspace(1e-3, 5e-3, 4))
-
-
-def test_kept_reductions_are_few_and_small(monkeypatch):
-    """What transfer functions keep of the last systems is bounded by the numbers that it holds, not by their count alone."""
-    from mbrs.linear import linear_system as kept
-
-    def one(n, seed):
-        K = np.diag(2.3 + np.random.default_rng(seed).random(n))
-        frf(MechanicalSystem(np.eye(n), 0.01 * K, K), 0, 0, omega=[1.0])
-
-    monkeypatch.setattr(kept, "_reductions", type(kept._reductions)())
-    monkeypatch.setattr(kept, "_KEPT_NUMBERS", 4 * 900 * 5)
-    for seed in (*range(9), 8):
-        one(30, seed)
-    assert len(kept._reductions) == 5  # the last five; equal numbers share one
-    one(60, 0)
-    assert [numbers for _, numbers in kept._reductions.values()] == [4 * 900, 4 * 3600]
-    one(100, 0)
-    assert not kept._reductions

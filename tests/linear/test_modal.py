@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
-
 import mbrs as mb
 import numpy as np
 import pytest
@@ -14,6 +12,8 @@ from mbrs.linear.matrices import MechanicalSystem
 from mbrs.linear.modal_result import KINDS, ModalResult
 from mbrs.linear.modes import modes
 from mpmath import mp
+from oracles.precise import companion, exact_roots, relative_errors
+from problems import hexapod_matrices
 
 EPS = np.finfo(float).eps
 
@@ -61,51 +61,14 @@ def lapack_ratio(r: ModalResult, s: MechanicalSystem) -> float:
     return worst
 
 
-def exact_roots(s: MechanicalSystem, digits: int = 50) -> list:
-    m, d, k = (mp.matrix(a.tolist()) for a in parts(s))
-    with mp.workdps(digits):
-        inverse = m**-1
-        a = mp.zeros(2 * s.n)
-        low, high = -inverse * k, -inverse * d
-        for i in range(s.n):
-            a[i, s.n + i] = 1
-            for j in range(s.n):
-                a[s.n + i, j], a[s.n + i, s.n + j] = low[i, j], high[i, j]
-        return list(mp.eig(a, left=False, right=False))
-
-
-def relative_errors(values: np.ndarray, s: MechanicalSystem, digits: int = 50) -> np.ndarray:
-    """Of every value against the exact root nearest to it, each root used once."""
-    exact, out = exact_roots(s, digits), []
-    with mp.workdps(digits):
-        for value in values:
-            z = mp.mpc(complex(value))
-            best = exact.pop(min(range(len(exact)), key=lambda k: abs(exact[k] - z)))
-            out.append(float(abs(best - z) / max(abs(best), mp.mpf(10) ** -30)))
-    return np.array(out)
-
-
-def cubic_hexapod(edge: float, k: float, c: float, mass: float, inertia: float) -> MechanicalSystem:
-    """Six struts along the edges of a cube that do not meet one body diagonal; the payload's centre is the cube's."""
-    corners = edge * np.array([[1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 1, 1], [0, 0, 1], [1, 0, 1]]) - edge / 2
-    rows = []
-    for a, b in itertools.pairwise([*corners, corners[0]]):
-        along = (b - a) / np.linalg.norm(b - a)
-        rows.append([*along, *np.cross((a + b) / 2, along)])
-    g = np.array(rows)
-    return system(np.diag([mass] * 3 + [inertia] * 3), c * g.T @ g, k * g.T @ g)
-
-
 # --- closed forms
 
 
 def test_cubic_hexapod_closed_form():
-    k, mass, inertia, edge, c = 1e5, 20.0, 0.15, 0.2, 30.0
-    r = modes(cubic_hexapod(edge, k, c, mass, inertia))
-    # struts in three orthogonal pairs: 2 k for each translation; k a^2 / 2 twice and 2 k a^2 about the diagonal
-    omega = np.sqrt([2 * k / mass] * 3 + [k * edge**2 / 2 / inertia] * 2 + [2 * k * edge**2 / inertia])
-    assert np.allclose(r.omega, omega, rtol=1e-13)
-    assert np.allclose(r.damping, omega * c / k / 2, rtol=1e-12)
+    isolator, mass = hexapod_matrices(), 20.0
+    r = modes(isolator.model)
+    assert np.allclose(r.omega, isolator.answer["omega"], rtol=1e-13)
+    assert np.allclose(r.damping, isolator.answer["damping"], rtol=1e-12)
     assert r.groups == ((0, 1, 2), (3, 4))
     assert np.allclose(r.frequency, [15.9155] * 3 + [18.3776] * 2 + [36.7553], atol=5e-5)
     assert r.stats.route == "proportional" and not np.iscomplexobj(r.shape)
@@ -278,11 +241,11 @@ def test_stiffness_ratio_of_1e12():
     factor = np.sqrt(springs)[:, None] * rows
     exact = system(np.eye(4), None, rows.T @ np.diag(springs) @ rows)
     r = modes(exact, stiffness_factor=factor)
-    errors = relative_errors(r.roots[::2], exact)
+    errors = relative_errors(r.roots[::2], exact_roots(*parts(exact)))
     print(f"stiffness ratio 1e12: with factor {errors}, estimated {r.error}")
     assert errors.max() < 1e-9
     assembled = modes(exact)
-    plain = relative_errors(assembled.roots[::2], exact)
+    plain = relative_errors(assembled.roots[::2], exact_roots(*parts(exact)))
     print(f"   assembled {plain}, estimated {assembled.error}")
     assert np.all(plain <= 10 * assembled.error + 10 * EPS)
     assert assembled.condition[0] > 1e11  # the result says what the assembled matrix has lost
@@ -292,7 +255,7 @@ def test_damped_system_with_stiffness_ratio_of_1e12():
     K = np.diag([1.0, 1e12, 1e6]) + 0.1
     s = system(np.eye(3), np.diag([0.1, 0, 0]), K)
     r = modes(s)
-    errors = relative_errors(r.roots, s)
+    errors = relative_errors(r.roots, exact_roots(*parts(s)))
     print(f"graded stiffness 1e12, damped: {errors}")
     assert errors.max() < 1e-13
 
@@ -303,7 +266,7 @@ def test_mass_ratio_of_1e9(light, damping):
     M = np.diag([1e-9, 1.0, 1.0]) if light else np.diag([1e9, 1.0, 1.0])
     s = system(M, damping, [[2.0, -1.0, 0.0], [-1.0, 2.0, -1.0], [0.0, -1.0, 2.0]])
     r = modes(s)
-    errors = relative_errors(r.roots, s)
+    errors = relative_errors(r.roots, exact_roots(*parts(s)))
     print(f"mass ratio 1e9, light {light}: {errors}")
     assert errors.max() < 1e-12
 
@@ -315,7 +278,7 @@ def test_heavy_damping_keeps_small_roots(c):
         system(np.eye(3), np.diag([c, 0.1, 0]), [[3.0, -1, 0], [-1, 2, -1], [0, -1, 3]]),
     ):
         r = modes(s)
-        errors = relative_errors(r.roots, s)
+        errors = relative_errors(r.roots, exact_roots(*parts(s)))
         print(f"damping {c:.0e}: {errors.max():.1e}")
         assert errors.max() < 1e-12
 
@@ -432,7 +395,7 @@ def test_error_estimate_is_within_its_band():
         s = system(spd(rng, n), C, 10.0 ** rng.uniform(0, 4) * spd(rng, n, 0.01))
         r = modes(s)
         k = int(rng.integers(n))
-        stored = relative_errors(r.eigenvalue[k : k + 1], s, 30)[0]
+        stored = relative_errors(r.eigenvalue[k : k + 1], exact_roots(*parts(s), 30))[0]
         with mp.workdps(40):
             exact = [system_roots(s), system_roots(s, rng)]
             nearest = [min(roots, key=lambda z: abs(z - mp.mpc(complex(r.eigenvalue[k])))) for roots in exact]
@@ -454,20 +417,14 @@ def system_roots(s: MechanicalSystem, rng: np.random.Generator | None = None) ->
                     if a is not None:
                         a[i, j] = a[j, i] = a[i, j] * (1 + mp.mpf(rng.uniform(-1.0, 1.0)) * EPS / 2)
     m, d, k = made[0], made[1] if made[1] is not None else mp.zeros(s.n), made[2]
-    inverse, a = m**-1, mp.zeros(2 * s.n)
-    low, high = -inverse * k, -inverse * d
-    for i in range(s.n):
-        a[i, s.n + i] = 1
-        for j in range(s.n):
-            a[s.n + i, j], a[s.n + i, s.n + j] = low[i, j], high[i, j]
-    return list(mp.eig(a, left=False, right=False))
+    return list(mp.eig(companion(m, d, k), left=False, right=False))
 
 
 # --- conventions
 
 
 def test_signs_and_bases_do_not_depend_on_rounding():
-    s = cubic_hexapod(0.2, 1e5, 30.0, 20.0, 0.15)
+    s = hexapod_matrices().model
     base = modes(s)
     rng = np.random.default_rng(2)
     for _ in range(5):
@@ -493,7 +450,7 @@ def test_repeated_complex_roots_have_orthogonal_shapes():
 
 
 def test_number_of_modes():
-    s = cubic_hexapod(0.2, 1e5, 30.0, 20.0, 0.15)
+    s = hexapod_matrices().model
     r = modes(s, n=2)
     assert r.n == 2 and r.shape.shape == (6, 2) and r.roots.shape == (12,)
     assert r.groups == ((0, 1),) and r.cut_group == (0, 1)
@@ -516,7 +473,7 @@ def test_effects_are_left_out():
 def test_result_prints_saves_and_labels(tmp_path):
     import pickle
 
-    r = modes(cubic_hexapod(0.2, 1e5, 30.0, 20.0, 0.15))
+    r = modes(hexapod_matrices().model)
     text = str(r)
     assert "15.9155" in text and "zeta" in text and "residual" in text and "proportional" in text
     assert "<table" in r._repr_html_()
@@ -533,7 +490,7 @@ def test_result_prints_saves_and_labels(tmp_path):
 
 
 def test_body_shapes_and_energy_through_the_maps_of_a_linearisation():
-    s = cubic_hexapod(0.2, 1e5, 30.0, 20.0, 0.15)
+    s = hexapod_matrices().model
     s.bodies, s.T = ("payload",), np.eye(6)
     s.body_mass_matrices = s.M[None]
     r = modes(s)
@@ -544,7 +501,7 @@ def test_body_shapes_and_energy_through_the_maps_of_a_linearisation():
 
 
 def test_mac():
-    r = modes(cubic_hexapod(0.2, 1e5, 30.0, 20.0, 0.15))
+    r = modes(hexapod_matrices().model)
     assert np.allclose(r.mac(r, weight=r.system.M), np.eye(6), atol=1e-12)
     assert np.allclose(np.diag(mac(r.shape * 2j, r)), 1)
     with pytest.raises(ModelError, match="coordinates"):

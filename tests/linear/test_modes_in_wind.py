@@ -13,7 +13,9 @@ LOCK = DENSITY * SLOPE * CHORD * R**4 / INERTIA
 AXIS = np.array([0.48, -0.64, 0.6])
 
 
-def flapper(wind=0.0, model="none", root=1e-6, direction=AXIS, twist=0.0, blades=3, angle=0.0, **more):
+def flapper(
+    wind=0.0, model="none", root=1e-6, direction=AXIS, twist=0.0, blades=3, angle=0.0, sections=40, laws=None, **more
+):
     """Rigid blades, uniform rods hinged in the axis, that flap about their chord; the axis leans."""
     m = mb.Model("flapper")
     side = np.cross(AXIS, [0.0, 0.0, 1.0])
@@ -32,8 +34,9 @@ def flapper(wind=0.0, model="none", root=1e-6, direction=AXIS, twist=0.0, blades
             orientation=axes, angular_velocity=SPEED * AXIS,
         )  # fmt: skip
         m.revolute(f"flap{i + 1}", hub, body, at=(1, 2, 3), axis=axes[:, 1])
-        given.append(mb.aero.blade([root, R], CHORD, twist, section, body=f"blade{i + 1}", sections=40))
-    m.aerodynamics("air", given, wind=mb.aero.wind(wind, direction, **more), density=DENSITY, inflow=model, axis=AXIS)
+        given.append(mb.aero.blade([root, R], CHORD, twist, section, body=f"blade{i + 1}", sections=sections))
+    m.aerodynamics("air", given, wind=mb.aero.wind(wind, direction, **more), density=DENSITY, inflow=model, axis=AXIS,
+                   **(laws or {}))  # fmt: skip
     return m
 
 

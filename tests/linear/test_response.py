@@ -10,13 +10,8 @@ from mbrs.errors import ModelError, NameNotFoundError, SingularError
 from mbrs.linear.matrices import MechanicalSystem
 from mbrs.linear.response import response, response_sensitivity
 from mbrs.linear.state_space import state_space
+from problems import spring_row
 from scipy.signal import lsim
-
-
-def chain(n, k=1.0):
-    K = k * (2 * np.eye(n) - np.eye(n, k=1) - np.eye(n, k=-1))
-    K[-1, -1] = k
-    return K
 
 
 def random_system(rng, n, damping=0.2, gyroscopic=False):
@@ -95,7 +90,7 @@ def test_piecewise_linear_loads_are_exact(n, gyroscopic):
 def test_large_system_takes_uncoupled_modes():
     rng = np.random.default_rng(1)
     n = 40
-    s = MechanicalSystem(np.eye(n), np.diag(rng.uniform(0.01, 0.1, n)), chain(n))
+    s = MechanicalSystem(np.eye(n), np.diag(rng.uniform(0.01, 0.1, n)), spring_row(np.ones(n)))
     t = np.linspace(0.0, 30.0, 101)
     y = response(s, t, {0: np.sin(t)}, [0, 20])
     assert y.stats.route == "complex modes"
@@ -155,14 +150,14 @@ def test_base_motion_history_through_the_core():
 
     m, c, k, w = 2.0, 0.4, 8.0, 1.3
     one = np.ones((1, 1))
-    reduction = _core.FrfReduction(m * one, c * one, k * one)
+    system = _core.SecondOrder(m * one, c * one, None, k * one, None)
     free = np.roots([m, c, k])
     errors = []
     for n_t in (1001, 2001):
         t = np.linspace(0.0, 30.0, n_t)
         u = np.sin(w * t)[None, :]
         bulge = (np.sin(w * (t[1:] + t[:-1]) / 2) - (u[0, 1:] + u[0, :-1]) / 2)[None, :]
-        raw = reduction.response(one, -m * one, np.array([2]), one, t, u, bulge, np.zeros(1), np.zeros(1))
+        raw = system.response((one, -m * one, np.array([2]), one), (t, u, bulge, np.zeros(1), np.zeros(1)))
         H = (k + 1j * w * c) / (k + 1j * w * c - w * w * m)
         # absolute rest at t = 0, and the base moves without a jump
         a = np.linalg.solve(np.array([[1, 1], free]), -np.array([H.imag, (1j * w * H).imag]))

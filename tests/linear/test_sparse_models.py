@@ -150,12 +150,6 @@ def test_loaded_bushings_at_equilibrium(seed):
     check(m, at=mb.equilibrium(m))
 
 
-def test_a_torque_has_no_potential_and_is_left_to_the_dense_route():
-    m = bushing_chain(full=True)
-    m.torque("twist", "b10", value=(1.0, -2.0, 0.5))
-    assert sparse(m, 12, mb.equilibrium(m)) is None
-
-
 def ladder(n=10, gravity=None, axis="y"):
     """Two rails of hinged links and rungs that close loops."""
     m = mb.Model("ladder", gravity=gravity)
@@ -286,25 +280,51 @@ def with_a_blade():
     return m
 
 
-UNKNOWN = [
-    (with_a_follower, "follower loads"),
-    (with_a_skew_bushing, "'bearing' is not symmetric"),
-    (turning, "at rest"),
-    (with_a_blade, "flexible body"),
-]
+@pytest.mark.parametrize("seed", range(8))
+def test_a_thin_beam_has_no_inertia_about_itself(monkeypatch, seed):
+    """That of rounding may be negative."""
+    rng = np.random.default_rng(seed)
+    m = joint_chain(("revolute",))
+    shape = mb.flexible.beam(rng.uniform(1, 3), mass=rng.uniform(0.3, 1), EI_flap=1.1e3, EI_edge=2.3e3, modes=2)
+    turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+    turn *= np.linalg.det(turn)
+    m.fixed("root", "b23", m.flexible_body("blade", shape, at=(0, 0, -5), orientation=turn).node("root"))
+    at = mb.equilibrium(m)
+    known = mb.modes(m, at=at, n=2)
+    monkeypatch.setattr(sparse_modes, "_LARGE", 4)
+    found = mb.modes(m, at=at, n=2)
+    assert found.stats.route.startswith("sparse")
+    assert found.eigenvalue == pytest.approx(known.eigenvalue, rel=1e-9)
+
+
+def turning_with_a_drive():
+    m = turning()
+    m.drive("held", "j20", 0.0)
+    return m
+
+
+@pytest.mark.parametrize("scene", [with_a_follower, with_a_skew_bushing, turning, with_a_blade])
+def test_what_is_not_symmetric_or_elastic_takes_the_sparse_route_too(monkeypatch, scene):
+    m = scene()
+    at = None if scene is turning else mb.equilibrium(m)
+    dense = mb.modes(m, at=at, n=2)
+    assert not dense.stats.route.startswith("sparse")
+    monkeypatch.setattr(sparse_modes, "_LARGE", 4)
+    found = mb.modes(m, at=at, n=2)
+    assert found.stats.route.startswith("sparse")
+    assert found.eigenvalue == pytest.approx(dense.eigenvalue, rel=1e-9)
 
 
 @pytest.mark.filterwarnings("ignore::mbrs.errors.MbrsWarning")
-@pytest.mark.parametrize(("scene", "text"), UNKNOWN)
-def test_what_the_sparse_route_does_not_know_goes_to_the_dense_one(monkeypatch, scene, text):
-    m = scene()
+def test_what_the_sparse_route_does_not_know_goes_to_the_dense_one(monkeypatch):
+    m = turning_with_a_drive()
     known = mb.modes(m, n=2)
     assert not known.stats.route.startswith("sparse")
     monkeypatch.setattr(sparse_modes, "_LARGE", 4)
     assert sparse_modes.is_large(m, 2)
     assert mb.modes(m, n=2).eigenvalue == pytest.approx(known.eigenvalue, rel=1e-12)
     monkeypatch.setattr(sparse_modes, "_DENSE_AT_MOST", 10)
-    with pytest.raises(mb.RouteError, match=text):
+    with pytest.raises(mb.RouteError, match="open trees of rigid bodies"):
         mb.modes(m, n=2)
 
 

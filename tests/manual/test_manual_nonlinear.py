@@ -5,13 +5,8 @@ from __future__ import annotations
 import mbrs as mb
 import mpmath
 import numpy as np
+from mbrs.examples import duffing, two_tone_duffing
 from scipy.integrate import solve_ivp
-
-DUFFING = dict(M=[[1.0]], C=[[0.05]], K=[[1.0]])
-
-
-def duffing(k3=0.1):
-    return mb.MechanicalSystem(**DUFFING, elements=[mb.Cubic(k3, w=[1.0])])
 
 
 def test_duffing_against_nlvib(case):
@@ -121,7 +116,7 @@ def test_van_der_pol(case):
 
 
 def test_two_tones(case):
-    system = mb.MechanicalSystem([[1.0]], [[0.1]], [[1.0]], elements=[mb.Cubic(1.5, w=[1.0])])
+    system = two_tone_duffing()[0]
     known = {
         (1, 0): (-0.0055712601, -0.0832608775),
         (0, 1): (-0.0014475824, -0.0357439837),

@@ -44,5 +44,5 @@ OSCILLATOR = mb.MechanicalSystem(
     [[3.1, -0.9], [-0.9, 2.2]],
     elements=[mb.Cubic(0.8, w=[1.0, -1.0])],
 )
-DUFFING = mb.MechanicalSystem([[1.0]], [[0.1]], [[1.0]], elements=[mb.Cubic(1.5, w=[1.0])])
+DUFFING = mb.examples.two_tone_duffing()[0]
 TONES = [{"force": [-0.25j], "omega": 1.9}, {"force": [-0.21j], "omega": 1.9 * np.sqrt(2)}]

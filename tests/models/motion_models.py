@@ -1,4 +1,4 @@
-"""Models for tests of motion and of its gradients. Data invented, but for the five-bar (docs/theory.md (23.12))."""
+"""Models for tests of motion and of its gradients. Data invented."""
 
 import warnings
 
@@ -6,29 +6,6 @@ import mbrs as mb
 import numpy as np
 
 G = 9.81
-
-
-def rod(a, b, mass):
-    """Inertia of a slender rod between two points, about its middle, world axes."""
-    d = np.asarray(b, float) - np.asarray(a, float)
-    return mass / 12 * (d @ d * np.eye(3) - np.outer(d, d))
-
-
-def five_bar():
-    """docs/theory.md (23.12): bars A-1-2-3-B, springs A-3 and A-2, gravity, at rest."""
-    m = mb.Model("five-bar", gravity=(0, -9.81, 0))
-    P = {"A": (0, 0, 0), "1": (-1, -1, 0), "2": (0.5, -2, 0), "3": (2, -1, 0), "B": (1, 0, 0)}
-    bars = []
-    for i, (a, b, mass) in enumerate([("A", "1", 1.0), ("1", "2", 1.5), ("2", "3", 1.5), ("3", "B", 1.0)]):
-        at = tuple((np.array(P[a]) + P[b]) / 2)
-        bars.append(m.body(f"bar{i}", mass=mass, inertia=rod(P[a], P[b], mass), at=at))
-    links = [m.ground, *bars, m.ground]
-    for i, name in enumerate("A123B"):
-        m.revolute(name, links[i], links[i + 1], at=P[name], axis="z")
-    m.marker("P2", bars[1], at=P["2"])
-    m.spring_damper("spring1", m.ground, bars[2], at=(P["A"], P["3"]), k=100.0, length=5**0.5)
-    m.spring_damper("spring2", m.ground, bars[1], at=(P["A"], P["2"]), k=100.0, length=4.25**0.5)
-    return m
 
 
 def open_chain():

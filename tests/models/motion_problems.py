@@ -1,48 +1,45 @@
-"""The zoo of motions: model, true positions over time and where these come from, for tests, docs and benches.
-
-A truth gives positions (n_t, 3) in the world of some bodies' origins and of markers, by name. Numbers without a source
-are invented.
-"""
+"""The zoo's models that move, for tests, docs and benches. Numbers without a source are invented."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, field
 
 import mbrs as mb
 import motion_truths as true
 import numpy as np
 from mbrs.examples._links import rod
+from problems import Problem
 
 G = true.G
 
 
 @dataclass
-class MotionProblem:
-    """A model that moves, up to ``t`` seconds, and where it truly is."""
+class MotionProblem(Problem):
+    """A model that moves for ``t`` seconds. Its answer is a function of times (n_t,): positions (n_t, 3) in the world of some bodies'
+    origins and of markers, by name.
+    """
 
-    name: str
-    model: Any
-    t: float
-    truth: Callable[[np.ndarray], dict[str, np.ndarray]]
-    source: str
+    answer: Callable[[np.ndarray], dict[str, np.ndarray]]
+    name: str = field(kw_only=True)
+    t: float = field(kw_only=True)
     smooth: bool = True
     conserves: bool = True
     length: float = 1.0
 
     def error(self, times, places) -> float:
-        """Largest distance of places (name -> (n_t, 3)) from the truth at the times, m."""
-        exact = self.truth(np.asarray(times, dtype=float))
+        """Largest distance of places (name -> (n_t, 3)) from the answer at the times, m."""
+        exact = self.answer(np.asarray(times, dtype=float))
         return max(float(np.max(np.abs(places[name] - exact[name]))) for name in exact)
 
     def places(self, traj) -> dict[str, np.ndarray]:
-        """What a trajectory says about the places of which the truth is known."""
-        out = {}
-        for name in self.truth(np.zeros(1)):
-            body = name not in markers(self.model)
-            out[name] = traj.position(name) if body else traj.point(name)
-        return out
+        """What a trajectory says about the places of which the answer is known."""
+        known = markers(self.model)
+        return {name: traj.point(name) if name in known else traj.position(name) for name in self.answer(np.zeros(1))}
+
+    def error_of(self, traj) -> float:
+        """Largest distance of a trajectory from the answer over its outputs, in characteristic lengths."""
+        return self.error(traj.t, self.places(traj)) / traj.snapshot.system.characteristic_length
 
 
 def markers(model) -> set[str]:
@@ -69,7 +66,7 @@ def rod_pendulum():
         phi = true.rod_pendulum(t)
         return {"rod": 0.5 * true.plane(np.sin(phi), -np.cos(phi))}
 
-    return MotionProblem("rod pendulum", m, 2.0, truth, "closed form, Jacobi's sn")
+    return MotionProblem(m, truth, "closed form, Jacobi's sn", name="rod pendulum", t=2.0)
 
 
 def duffing():
@@ -78,11 +75,11 @@ def duffing():
     # drawn at the amplitude, so the law's zero lies A before it
     m.prismatic("guide", m.ground, b, at=(0, 0, 0), axis="x", law=mb.Polynomial1D(_shifted(30.0, 200.0, 0.5)))
     return MotionProblem(
-        "Duffing",
         m,
-        3.0,
         lambda t: {"mass": true.plane(true.duffing(t, 30.0, 200.0, 2.0, 0.5) - 0.5, 0 * t)},
         "closed form, Jacobi's cn",
+        name="Duffing",
+        t=3.0,
     )
 
 
@@ -99,7 +96,11 @@ def four_bars(n=1, t=1.5, speed=1.0):
         return {"tip": true.plane(np.sin(phi), np.cos(phi))}
 
     return MotionProblem(
-        f"{n} four-bar{'s' if n > 1 else ''}", mb.examples.four_bars(n, speed), t, truth, "one angle, DOP853 1e-13"
+        mb.examples.four_bars(n, speed),
+        truth,
+        "one angle, DOP853 1e-13",
+        name=f"{n} four-bar{'s' if n > 1 else ''}",
+        t=t,
     )
 
 
@@ -112,17 +113,17 @@ def slider_crank():
         return {"pin": r * true.plane(np.cos(a), np.sin(a)), "slider": true.plane(x, 0 * x)}
 
     m = mb.examples.slider_crank(r, rod_length, speed, angle)
-    return MotionProblem("slider-crank", m, 1.0, truth, "one angle, DOP853 1e-13", length=0.35)
+    return MotionProblem(m, truth, "one angle, DOP853 1e-13", name="slider-crank", t=1.0, length=0.35)
 
 
 def gap(stop=1e4):
     m = mb.examples.gap_problem(stop=stop)
     return MotionProblem(
-        "gap",
         m,
-        2.0,
         lambda t: {"mass": true.plane(true.against_stop(t, 1.0, 100.0, stop, 0.05, 2.0), 0 * t)},
         "harmonic pieces",
+        name="gap",
+        t=2.0,
         smooth=False,
     )
 
@@ -143,7 +144,7 @@ def double_pendulum(ratio=1.0, t=1.0):
     def truth(times):
         return {"end": true.rod_chain_end(true.rod_chain(times, lengths, [1.0, ratio], [0.0, 0.0]), lengths)}
 
-    return MotionProblem("double pendulum", m, t, truth, "two angles, DOP853 1e-13")
+    return MotionProblem(m, truth, "two angles, DOP853 1e-13", name="double pendulum", t=t)
 
 
 def chain(n=5, t=0.6):
@@ -152,7 +153,7 @@ def chain(n=5, t=0.6):
         return {"end": true.rod_chain_end(true.rod_chain(times, lengths, np.full(n, 2.0 / n), np.zeros(n)), lengths)}
 
     m = mb.examples.pendulum_chain(n)
-    return MotionProblem(f"chain of {n}", m, t, truth, f"{n} angles, DOP853 1e-13", length=2.0)
+    return MotionProblem(m, truth, f"{n} angles, DOP853 1e-13", name=f"chain of {n}", t=t, length=2.0)
 
 
 def bead_on_arm():
@@ -170,7 +171,7 @@ def bead_on_arm():
         r, phi = true.bead_on_arm(t, 0.08, 0.7, 2e-3, 60.0, r0, w)
         return {"bead": true.plane(r * np.cos(phi), r * np.sin(phi))}
 
-    return MotionProblem("bead on an arm", m, 1.5, truth, "distance and angle, DOP853 1e-13")
+    return MotionProblem(m, truth, "distance and angle, DOP853 1e-13", name="bead on an arm", t=1.5)
 
 
 def spring_pendulum():
@@ -180,11 +181,11 @@ def spring_pendulum():
     b = ball(m, "mass", 1.5, start, velocity=v)
     m.spring_damper("spring", m.ground, b, at=((0, 0, 0), start), k=80.0, length=1.0)
     return MotionProblem(
-        "spring pendulum",
         m,
-        2.0,
         lambda t: {"mass": true.spring_pendulum(t, 1.5, 80.0, 1.0, start, v)},
         "Cartesian coordinates, DOP853 1e-13",
+        name="spring pendulum",
+        t=2.0,
     )
 
 
@@ -195,33 +196,24 @@ def spherical_pendulum():
     b = ball(m, "mass", 1.5, start, velocity=v)
     m.distance("wire", m.ground, b, at=((0, 0, 0), start))
     return MotionProblem(
-        "spherical pendulum",
         m,
-        2.0,
         lambda t: {"mass": true.spherical_pendulum(t, start, v)},
         "Cartesian coordinates, DOP853 1e-13",
+        name="spherical pendulum",
+        t=2.0,
     )
 
 
 def five_bar(t=1.0):
     """docs/theory.md (23.12): layout and natural lengths reconstructed there, uniform bars."""
-    p = [(0, 0), *map(tuple, true.five_bar_start()), (1, 0)]
-    m = mb.Model("five-bar", gravity=(0, -G, 0))
-    bars = [rod(m, f"bar{i}", [p[i], p[i + 1]], mass) for i, mass in enumerate((1.0, 1.5, 1.5, 1.0))]
-    for i, (one, two) in enumerate(zip([m.ground, *bars], [*bars, m.ground], strict=True)):
-        m.revolute(f"j{i}", one, two, at=(*p[i], 0), axis="z")
-    at = [(*q, 0.0) for q in p]
-    m.spring_damper("spring1", m.ground, bars[2], at=(at[0], at[3]), k=100.0, length=np.sqrt(5.0))
-    m.spring_damper("spring2", m.ground, bars[1], at=(at[0], at[2]), k=100.0, length=np.sqrt(4.25))
-    for i in range(3):
-        m.marker(f"P{i + 1}", bars[i], at=at[i + 1])
+    m = mb.examples.five_bar(G)
 
     def truth(times):
         points = true.five_bar(times)
         return {f"P{i + 1}": true.plane(points[:, i, 0], points[:, i, 1]) for i in range(3)}
 
     return MotionProblem(
-        "five-bar", m, t, truth, "natural coordinates, DOP853 1e-13; docs/theory.md (23.12)", length=2.0
+        m, truth, "natural coordinates, DOP853 1e-13; docs/theory.md (23.12)", name="five-bar", t=t, length=2.0
     )
 
 
@@ -250,7 +242,7 @@ def bushings(stiff=1.0, damping=1.0):
         u = true.linear_chain(t, masses, k, c, start) - start
         return {f"m{i}": true.plane(0.5 * i + u[:, i], 0 * u[:, i]) for i in range(3)}
 
-    return MotionProblem("bushings", m, 1.0, truth, "modes of three masses", conserves=damping == 0.0)
+    return MotionProblem(m, truth, "modes of three masses", name="bushings", t=1.0, conserves=damping == 0.0)
 
 
 def governor(t=1.0, k=8e5, c=4e4, turned=None, unit=1.0):
@@ -303,7 +295,9 @@ def governor(t=1.0, k=8e5, c=4e4, turned=None, unit=1.0):
         places = {"collar": np.stack([0 * way, 0 * way, -way], axis=1), "right ball": right, "left ball": left}
         return {name: p @ R.T / unit for name, p in places.items()}
 
-    return MotionProblem("governor", m, t, truth, "three coordinates, LSODA 1e-13", conserves=False, length=1.0 / unit)
+    return MotionProblem(
+        m, truth, "three coordinates, LSODA 1e-13", name="governor", t=t, conserves=False, length=1.0 / unit
+    )
 
 
 # --- rotations -----
@@ -316,7 +310,7 @@ def heavy_top(spin=150.0, t=0.5):
         return {"top": true.symmetric_top_axis(times, 15.0, 1.0, across, along, spin, (0, 1, 0), rate)}
 
     m = mb.examples.heavy_top(spin)
-    return MotionProblem("heavy top", m, t, truth, "axis and moment of momentum, DOP853 1e-13")
+    return MotionProblem(m, truth, "axis and moment of momentum, DOP853 1e-13", name="heavy top", t=t)
 
 
 FREE_INERTIA, FREE_SPIN = np.array([0.2, 0.3, 0.45]), np.array([1.5, 0.0, 4.0])
@@ -335,7 +329,7 @@ def free_body():
         R = true.free_rotation(times, FREE_INERTIA, FREE_SPIN)
         return {"stone": centre, "corner": centre + R @ np.array([0.3, 0.2, -0.1])}
 
-    return MotionProblem("free body", m, 1.5, truth, "quaternion, DOP853 1e-13; spin by Jacobi's functions")
+    return MotionProblem(m, truth, "quaternion, DOP853 1e-13; spin by Jacobi's functions", name="free body", t=1.5)
 
 
 def bricard(t=1.0):
@@ -355,7 +349,7 @@ def bricard(t=1.0):
         before, after = corners[i] - corners[i - 1], corners[(i + 1) % 6] - corners[i]
         one, two = ([m.ground, *bodies][i], [*bodies, m.ground][i])
         m.revolute(f"j{i}", one, two, at=corners[i], axis=np.cross(before, after))
-    return MotionProblem("Bricard", m, t, lambda times: reference_positions(m, times), "mbrs.reference.simulate")
+    return MotionProblem(m, lambda times: reference_positions(m, times), "mbrs.reference.simulate", name="Bricard", t=t)
 
 
 def reference_positions(m, times) -> dict[str, np.ndarray]:
@@ -379,7 +373,7 @@ def skate():
     m.planar("ice", m.ground, b, at=(0, 0, 0), axis="z")
     # the blade lies along x as drawn: no velocity along the body's y
     m.knife_edge("blade", m.ground, b, at=(0, 0, 0), axis="y")
-    return MotionProblem("skate", m, 2.0, lambda t: {"skate": true.skate(t, tilt, speed, spin)}, "closed form")
+    return MotionProblem(m, lambda t: {"skate": true.skate(t, tilt, speed, spin)}, "closed form", name="skate", t=2.0)
 
 
 def swing(t=2.0):
@@ -392,7 +386,7 @@ def swing(t=2.0):
         return {"A": 0.5 * tip, "end": tip + true.plane(length * np.cos(b), length * np.sin(b))}
 
     m = mb.examples.swing(length)
-    return MotionProblem("swing", m, t, truth, "one angle, DOP853 1e-13", conserves=False, length=4.0)
+    return MotionProblem(m, truth, "one angle, DOP853 1e-13", name="swing", t=t, conserves=False, length=4.0)
 
 
 def rolling_disc():
@@ -404,7 +398,7 @@ def rolling_disc():
         return {"disc": true.rolling(t, mass, radius, across, 2 * across, axis, radius * up, w)}
 
     m = mb.examples.rolling_disc(mass, radius, lean, spin, turn)
-    return MotionProblem("rolling disc", m, 1.5, truth, "axis and spin, DOP853 1e-13")
+    return MotionProblem(m, truth, "axis and spin, DOP853 1e-13", name="rolling disc", t=1.5)
 
 
 def quarter_car(t=1.0):
@@ -418,7 +412,7 @@ def quarter_car(t=1.0):
         return {name: np.stack([0 * z[:, i], 0 * z[:, i], z[:, i]], axis=1) for i, name in enumerate(names)}
 
     m = mb.examples.quarter_car()
-    return MotionProblem("quarter car", m, t, truth, "matrix exponentials", smooth=False, conserves=False)
+    return MotionProblem(m, truth, "matrix exponentials", name="quarter car", t=t, smooth=False, conserves=False)
 
 
 SMOOTH: dict[str, Callable[[], MotionProblem]] = {

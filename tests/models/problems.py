@@ -5,11 +5,14 @@ Each function returns a `Problem`; numbers without a source are invented. Answer
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass, field
 from typing import Any
 
 import mbrs as mb
 import numpy as np
+import scipy.sparse as sp
+from mbrs._lib.rotations import quaternion_matrix
 from mbrs.model.rotations import rotation
 from numpy.polynomial import laguerre
 from scipy.optimize import brentq
@@ -196,14 +199,22 @@ def spinning_top(speed, k=40.0, polar=0.02, transverse=0.012, carrier=1e-3):
 
 
 def cubic_hexapod():
-    """Edge .2 m, k 1e5, m 20, I .15, c 30."""
-    m = mb.examples.cubic_hexapod()
-    w2 = np.array([2e5 / 20] * 3 + [1e5 * 0.2**2 / 0.15 / 2] * 2 + [1e5 * 0.2**2 / 0.15 * 2])
-    return Problem(
-        m,
-        {"frequency": np.sqrt(w2) / (2 * np.pi)},
-        "docs/theory.md (23.1): 15.9155 Hz three times, 18.3776 twice, 36.7553",
-    )
+    """The isolator of the examples: 15.9155 Hz three times, 18.3776 twice, 36.7553 (docs/theory.md (23.1))."""
+    known = hexapod_matrices()
+    return Problem(mb.examples.cubic_hexapod(), {"frequency": known.answer["omega"] / (2 * np.pi)}, known.source)
+
+
+def hexapod_matrices(edge=0.2, k=1e5, c=30.0, mass=20.0, inertia=0.15):
+    """Six struts along the edges of a cube that do not meet one body diagonal, as matrices; the payload's centre is the cube's."""
+    corners = edge * np.array([[1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 1, 1], [0, 0, 1], [1, 0, 1]]) - edge / 2
+    rows = []
+    for a, b in itertools.pairwise([*corners, corners[0]]):
+        along = (b - a) / np.linalg.norm(b - a)
+        rows.append([*along, *np.cross((a + b) / 2, along)])
+    g = np.array(rows)
+    omega = np.sqrt([2 * k / mass] * 3 + [k * edge**2 / 2 / inertia] * 2 + [2 * k * edge**2 / inertia])
+    model = mb.MechanicalSystem(np.diag([mass] * 3 + [inertia] * 3), c * g.T @ g, k * g.T @ g)
+    return Problem(model, {"omega": omega, "damping": omega * c / k / 2}, "struts in three orthogonal pairs")
 
 
 # --- closed loops -----
@@ -254,3 +265,81 @@ def two_supports(unit=1.0, length=2.0, load=100.0, at=0.5):
     m.fixed("right", m.ground, b, at=(L, 0, 0))
     m.force("load", b, at=(at * L, 0, 0), value=(0, 0, -load * unit))
     return Problem(m, {"share": 0.5 if at == 0.5 else None}, "symmetry")
+
+
+# --- long structures -----
+
+
+def spring_row(k):
+    """Stiffness (n, n) of masses in a row: spring i between masses i - 1 and i, the first to ground."""
+    D = np.eye(len(k)) - np.eye(len(k), k=-1)
+    return D.T @ (np.asarray(k, dtype=float)[:, None] * D)
+
+
+LADDER_TURN = np.array([0.31, -0.52, 0.47, 0.64]) / np.linalg.norm([0.31, -0.52, 0.47, 0.64])
+LADDERS = (
+    {"m_r": 1.0, "m_s": 0.5, "k_h": 10.0, "length": 0.2},
+    {"m_r": 0.37, "m_s": 2.3, "k_h": 4.1e3, "length": 13.7},
+)
+
+
+def ladder(n, *, m_r, m_s, k_h, length, order=False):
+    """n layers whose rungs sway, turned in space: stiles of mass m_s and ``length`` turn by (x_i - x_(i-1))/length on four hinges with
+    springs k_h in each layer, rungs of mass m_r (the last one half) shift by x_i.
+
+    ``order``: the upper hinges of each layer are defined before the lower ones, which cuts other joints.
+    """
+    R, width = quaternion_matrix(LADDER_TURN), 0.7 * length
+    m, below = mb.Model("ladder"), None
+
+    def at(x, y):
+        return tuple(R @ np.array([x, y, 0.0]))
+
+    for i in range(1, n + 1):
+        around = (m_s * length**2 / 12, 0.03 * m_s * length**2, m_s * length**2 / 12)
+        stiles = [
+            m.body(
+                f"S{i},{u}",
+                mass=m_s,
+                inertia=around,
+                at=at((u - 0.5) * width, (i - 0.5) * length),
+                orientation=LADDER_TURN,
+            )
+            for u in (0, 1)
+        ]
+        mass = m_r if i < n else m_r / 2
+        rung = m.body(
+            f"R{i}", mass=mass, inertia=(0.02 * m_r * length**2,) * 3, at=at(0.0, i * length), orientation=LADDER_TURN
+        )
+        carrier = m.ground if below is None else below
+        lower = [(f"a{i},{u}", carrier, stiles[u], at((u - 0.5) * width, (i - 1) * length)) for u in (0, 1)]
+        upper = [(f"b{i},{u}", stiles[u], rung, at((u - 0.5) * width, i * length)) for u in (0, 1)]
+        for name, a, b, point in upper + lower if order else lower + upper:
+            m.revolute(name, a, b, at=point, axis=tuple(R[:, 2]), k=k_h)
+        below = rung
+    p = (2 * np.arange(1, n + 1) - 1) * np.pi / (2 * n)
+    k = 4 * k_h / length**2
+    omega = np.sqrt(4 * k * np.sin(p / 2) ** 2 / (m_r + (2 * m_s / 3) * (2 + np.cos(p))))
+    return Problem(
+        m, {"omega": omega}, "Bloch waves: omega^2 = 2 k (1 - cos p)/(m_r + (2 m_s/3)(2 + cos p)), k = 4 k_h/l^2"
+    )
+
+
+def hinged_beam(elements, h):
+    """An Euler beam on hinges by cubic elements of length h with lumped mass: M and K (CSC) and the coordinate of its middle.
+
+    Bending stiffness and mass per length are 1.
+    """
+    k = np.array([[12, 6 * h, -12, 6 * h], [6 * h, 4 * h**2, -6 * h, 2 * h**2], [-12, -6 * h, 12, -6 * h],
+                  [6 * h, 2 * h**2, -6 * h, 4 * h**2]]) / h**3  # fmt: skip
+    m = np.array([h / 2, h**3 / 24, h / 2, h**3 / 24])
+    places = 2 * np.arange(elements)[:, None] + np.arange(4)
+    rows, columns = np.repeat(places, 4, axis=1).ravel(), np.tile(places, (1, 4)).ravel()
+    n = 2 * (elements + 1)
+    K = sp.csc_matrix((np.tile(k.ravel(), elements), (rows, columns)), shape=(n, n))
+    M = sp.csc_matrix((np.tile(m, elements), (places.ravel(), places.ravel())), shape=(n, n))
+    free = np.setdiff1d(np.arange(n), [0, n - 2])
+    K, M = K[free][:, free], M[free][:, free]
+    middle = int(np.searchsorted(free, 2 * (elements // 2)))
+    omega = (np.arange(1, elements) * np.pi / (elements * h)) ** 2
+    return Problem((M, K), {"omega": omega}, "Euler: (j pi/L)^2, by elements to second order", {"middle": middle})

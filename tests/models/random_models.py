@@ -138,3 +138,15 @@ def random_loop(rng, kinds, *, rod=False, forces=True, followers=True, moving=Fa
         add_elements(m, rng, "0", bodies[1], bodies[n], centres[n // 2 + 1])
         add_loads(m, rng, "0", bodies[1], centres[1], followers)
     return m
+
+
+def hinged_chain(n):
+    """n rods on hinges with oblique, unequal axes."""
+    rng = np.random.default_rng(n)
+    m = Model("chain", gravity=(0.0, 1.0, -9.81))
+    before, place, d = m.ground, np.zeros(3), np.array([0.6, 0.3, -0.2])
+    for i in range(n):
+        body = m.body(f"b{i}", mass=0.3, inertia=(0.01, 0.012, 0.009), at=place + d / 2)
+        m.revolute(f"j{i}", before, body, at=place, axis=rng.normal(size=3))
+        before, place = body, place + d
+    return m

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from mbrs.errors import AssemblyError, ConvergenceError, MbrsError, ModelError, NameNotFoundError
 from mbrs.model.tables import tables
-from mbrs.reference.time_functions import read_motions
+from mbrs.reference.reader import read_motions
 from mbrs.system.compiled import compiled
 
 ROD = (1e-3, 1 / 12, 1 / 12)

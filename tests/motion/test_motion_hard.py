@@ -19,12 +19,6 @@ METHODS = ("explicit", "generalized-alpha", "radau", "bdf")
 ASKED = {"explicit": (1e-9, 1e-7), "generalized-alpha": (1e-5, 1e-3), "radau": (1e-8, 1e-6), "bdf": (1e-8, 1e-5)}
 
 
-def measured(problem, traj):
-    known = set(traj.bodies)
-    places = {n: traj.position(n) if n in known else traj.point(n) for n in problem.truth(np.zeros(1))}
-    return problem.error(traj.t, places) / traj.snapshot.system.characteristic_length
-
-
 @pytest.mark.slow
 # four-bars pass poses where two branches meet; lengths that differ by any noise make another linkage there
 @pytest.mark.exact
@@ -34,7 +28,7 @@ def test_redundant_constraints(make, method):
     problem = make()
     rtol, limit = ASKED[method]
     traj = mb.simulate(problem.model, np.linspace(0, problem.t, 11), rtol=rtol, method=method)
-    error = measured(problem, traj)
+    error = problem.error_of(traj)
     print(f"{problem.name}, {method}: error {error:.1e}, constraints {traj.residual.max():.1e}")
     assert error < limit and traj.residual[:, 0].max() < 1e-10
 
@@ -61,7 +55,7 @@ def test_passing_the_singular_pose_of_the_parallelogram(n, speed, method):
         traj = mb.simulate(problem.model, np.linspace(0, problem.t, 61), rtol=rtol, method=method)
         y = traj.point("tip")[:, 1]
         passes = int(np.sum(np.diff(np.sign(y)) != 0))
-        error = measured(problem, traj)
+        error = problem.error_of(traj)
         print(
             f"{n} four-bar, {method}, rtol {rtol:.0e}: {passes} passes, {traj.stats.counts.get('detours', 0)} detours, "
             f"error {error:.1e}"
@@ -84,7 +78,7 @@ def test_bushings_of_1e12(t):
     """The vibration of 1e6 rad/s moves nothing that the tolerance sees: steps go over it."""
     problem = zoo.bushings(stiff=1e12 / 900)
     traj = mb.simulate(problem.model, t, rtol=1e-6)
-    error = measured(problem, traj)
+    error = problem.error_of(traj)
     print(f"1e12 N/m, {traj.method}: error {error:.1e} in {len(traj.steps) - 1} steps")
     assert traj.method == "radau" and error < 1e-4 and len(traj.steps) < 2000
 
@@ -93,7 +87,7 @@ def test_bushings_of_1e12(t):
 def test_mass_ratio(ratio):
     problem = zoo.double_pendulum(ratio)
     traj = mb.simulate(problem.model, np.linspace(0, 1, 11), rtol=1e-9)
-    error = measured(problem, traj)
+    error = problem.error_of(traj)
     print(f"mass ratio {ratio:.0e}: error {error:.1e}")
     assert error < 1e-8
 
@@ -104,7 +98,7 @@ def test_steps_of_1e_7(method):
     problem = zoo.four_bars()
     end = 2e-4
     fine = mb.simulate(problem.model, end, step=1e-7, method=method)
-    error = measured(problem, fine)
+    error = problem.error_of(fine)
     coarse = mb.simulate(problem.model, end, step=1e-5, method="explicit")
     force = np.abs(fine.multipliers[-1] - coarse.multipliers[-1]).max() / np.abs(coarse.multipliers[-1]).max()
     print(f"{method}: {len(fine.t)} points, position {error:.1e}, multipliers {force:.1e}")
@@ -257,7 +251,7 @@ def test_a_gap_that_closes_at_speed(method):
     problem = zoo.gap(stop=1e6)
     rtol = {"explicit": 1e-8, "generalized-alpha": 1e-4, "radau": 1e-7, "bdf": 1e-7}[method]
     traj = mb.simulate(problem.model, np.linspace(0, 2, 21), rtol=rtol, method=method)
-    error = measured(problem, traj)
+    error = problem.error_of(traj)
     print(f"gap of 1e6 N/m, {method}: error {error:.1e}, {len(traj.steps) - 1} steps")
     assert error < {"explicit": 1e-6, "generalized-alpha": 1e-3, "radau": 1e-5, "bdf": 1e-4}[method]
 
@@ -296,7 +290,7 @@ def test_outputs_far_denser_and_far_sparser_than_steps():
     dense = mb.simulate(problem.model, np.linspace(0, 2, 20001), rtol=1e-9)
     sparse = mb.simulate(problem.model, [2.0], rtol=1e-9)
     apart = np.abs(dense.position("mass")[-1] - sparse.position("mass")[-1]).max()
-    error = measured(problem, dense)
+    error = problem.error_of(dense)
     print(f"{len(dense.t)} outputs in {len(dense.steps) - 1} steps: {error:.1e}; one output: {apart:.1e} apart")
     assert len(dense.steps) < 100 and error < 1e-7 and apart < 1e-12 and len(sparse.t) == 1
 

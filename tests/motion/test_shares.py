@@ -16,7 +16,7 @@ def test_the_tolerance_is_that_of_the_whole_motion(name, method):
     problem = zoo.SMOOTH[name]()
     for rtol in (1e-3, 1e-4):
         traj = mb.simulate(problem.model, [problem.t], rtol=rtol, method=method)
-        error = problem.error(traj.t, problem.places(traj)) / traj.snapshot.system.characteristic_length
+        error = problem.error_of(traj)
         counts = traj.stats.counts
         print(
             f"{name}, {method}, {rtol:.0e}: error {error / rtol:.2f} tolerances, estimate {traj.error / rtol:.2f}, {counts['steps']} "

@@ -24,16 +24,6 @@ def pendulum(**more):
     return m
 
 
-def places(problem, traj):
-    known = set(traj.bodies)
-    return {name: traj.position(name) if name in known else traj.point(name) for name in problem.truth(np.zeros(1))}
-
-
-def error_of(problem, traj):
-    """Largest error over the outputs, in characteristic lengths."""
-    return problem.error(traj.t, places(problem, traj)) / traj.snapshot.system.characteristic_length
-
-
 def test_the_script_of_the_contract_runs(tmp_path):
     m = pendulum()
     traj = mb.simulate(m, t=10.0, rtol=1e-7)
@@ -54,9 +44,7 @@ def test_the_script_of_the_contract_runs(tmp_path):
 @pytest.mark.parametrize("name", ["double_pendulum", "spherical_pendulum", "free_body", "skate", "bushings"])
 def test_orders_of_fixed_steps(name, method, order, steps):
     problem = zoo.SMOOTH[name]()
-    errors = [
-        error_of(problem, mb.simulate(problem.model, problem.t, step=problem.t / n, method=method)) for n in steps
-    ]
+    errors = [problem.error_of(mb.simulate(problem.model, problem.t, step=problem.t / n, method=method)) for n in steps]
     slope = np.log2(errors[0] / errors[1])
     print(f"{name}, {method}: {errors[0]:.1e}, {errors[1]:.1e}, order {slope:.2f}")
     # the explicit scheme of order 8 often gains more than its order on problems of one frequency
@@ -84,7 +72,7 @@ def test_achieved_error_follows_the_tolerance():
         errors = []
         for rtol in tolerances:
             traj = mb.simulate(problem.model, np.linspace(0.0, problem.t, 21), rtol=rtol)
-            errors.append(error_of(problem, traj))
+            errors.append(problem.error_of(traj))
             ratios.append(traj.error / errors[-1])
         slopes[name] = np.polyfit(np.log10(tolerances), np.log10(errors), 1)[0]
         print(f"{name:20s} slope {slopes[name]:.2f}, errors {errors[0]:.0e} to {errors[-1]:.0e}")
@@ -101,7 +89,7 @@ def test_error_of_fixed_steps_is_estimated():
         problem = zoo.SMOOTH[name]()
         for method, n in (("generalized-alpha", 200), ("explicit", 24)):
             traj = mb.simulate(problem.model, problem.t, step=problem.t / n, method=method)
-            ratios.append(traj.error / error_of(problem, traj))
+            ratios.append(traj.error / problem.error_of(traj))
             print(f"{name}, {method}: estimated / true = {ratios[-1]:.2f}")
     assert np.mean([0.1 < r < 10 for r in ratios]) >= 0.95
 
@@ -109,7 +97,7 @@ def test_error_of_fixed_steps_is_estimated():
 def test_the_heavy_top_reaches_a_nanometre():
     problem = zoo.heavy_top(t=2.0)
     traj = mb.simulate(problem.model, [0.0, 2.0], rtol=1e-9)
-    error = problem.error(traj.t, places(problem, traj))
+    error = problem.error(traj.t, problem.places(traj))
     print(
         f"heavy top at 2 s: {error:.1e} m in {traj.stats.wall_time:.3f} s, {traj.stats.counts['force evaluations']} evaluations"
     )
@@ -126,7 +114,7 @@ def test_dense_output_is_as_accurate_as_the_steps(method):
     times = np.linspace(0.0, 1.0, 301)
     traj = mb.simulate(problem.model, times, rtol=1e-6, method=method)
     at_steps = mb.simulate(problem.model, 1.0, rtol=1e-6, method=method)
-    dense, sparse = error_of(problem, traj), error_of(problem, at_steps)
+    dense, sparse = problem.error_of(traj), problem.error_of(at_steps)
     print(f"{method}: {dense:.1e} between, {sparse:.1e} at {len(at_steps.t)} steps")
     assert np.array_equal(traj.t, times) and dense < max(5 * sparse, 1e-6)
 

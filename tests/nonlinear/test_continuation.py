@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from mbrs.errors import ConvergenceError, ModelError
+from mbrs.examples import duffing, two_mass_cubic
 from mbrs.linear.matrices import MechanicalSystem
 from mbrs.model.laws import Cubic, Gap, Jenkins, VanDerPol, VaryingStiffness
 from mbrs.nonlinear.branch import Branch
@@ -15,22 +16,6 @@ from mbrs.nonlinear.options import Fourier
 from mbrs.nonlinear.periodic import harmonic_balance
 from mbrs.reference import hbm_shooting
 from oracles import hbm_continuation
-
-
-def duffing(k3=0.1, c=0.05):
-    return MechanicalSystem([[1.0]], [[c]], [[1.0]], elements=[Cubic(k3, w=[1.0])])
-
-
-def neimark_sacker_system():
-    # docs/theory.md (23.7): two-degree-of-freedom example of NLvib
-    k, d, m = [1.0, 0.0453, 0.0], [0.002, 0.013, 0.0], [1.0, 0.05]
-
-    def chain(a):
-        return [[a[0] + a[1], -a[1]], [-a[1], a[1] + a[2]]]
-
-    return MechanicalSystem(
-        np.diag(m), chain(d), chain(k), elements=[Cubic(1.0, w=[1.0, 0.0]), Cubic(0.0042, w=[1.0, -1.0])]
-    )
 
 
 @pytest.fixture(scope="module")
@@ -65,7 +50,7 @@ def test_peak_of_the_duffing_oscillator(curve):
 
 def test_folds_and_peak_with_31_harmonics():
     # docs/theory.md (23.6): by shooting, rtol 1e-13
-    system = MechanicalSystem([[1.0]], [[0.05]], [[1.0]], elements=[Cubic(1.0, w=[1.0])])
+    system = duffing(1.0)
     fine = frequency_response(system, force=[0.3], omega=(0.5, 3.0), harmonics=31, stability=False)
     assert [event.kind for event in fine.events] == ["fold", "fold"]
     folds = [event.omega for event in fine.events]
@@ -168,7 +153,7 @@ def test_multipliers_equal_shooting(curve):
 
 
 def test_neimark_sacker_points_are_crossings_of_the_shooting_multipliers():
-    system = neimark_sacker_system()
+    system = two_mass_cubic()
     response = frequency_response(system, force=[0.11, 0.0], omega=(0.8, 1.4), harmonics=9)
     found = [event for event in response.events if event.kind == "neimark-sacker"]
     assert response.status == "converged" and len(found) == 2
@@ -188,7 +173,7 @@ def test_neimark_sacker_points_are_crossings_of_the_shooting_multipliers():
 
 
 def test_what_leaves_a_neimark_sacker_point_is_refused_with_its_frequency():
-    branch = Branch(neimark_sacker_system(), force=[0.11, 0.0], omega=(0.8, 1.4), harmonics=9)
+    branch = Branch(two_mass_cubic(), force=[0.11, 0.0], omega=(0.8, 1.4), harmonics=9)
     while not (found := [e for e in branch.events if e.kind == "neimark-sacker"]):
         branch.run(20)
     with pytest.raises(ModelError, match=f"{found[0].second_frequency:.6g} rad/s.*follow it in time"):
@@ -198,7 +183,7 @@ def test_what_leaves_a_neimark_sacker_point_is_refused_with_its_frequency():
 def test_hill_and_monodromy_agree():
     from mbrs.nonlinear import balance
 
-    system = neimark_sacker_system()
+    system = two_mass_cubic()
     one = harmonic_balance(system, force=[0.11, 0.0], omega=1.0, harmonics=15)
     setup = balance.prepare(system, [0.11, 0.0], Fourier(15))
     exponents, phi = setup.core.floquet(setup.start(one), [1.0], monodromy=True)
@@ -213,7 +198,7 @@ def test_stability_along_a_branch_is_that_of_hill(name):
 
     system, force, span = {
         "duffing": (duffing(), [0.18], (0.5, 1.6)),
-        "two masses": (neimark_sacker_system(), [0.11, 0.0], (0.8, 1.4)),
+        "two masses": (two_mass_cubic(), [0.11, 0.0], (0.8, 1.4)),
         "van der Pol spring": (
             MechanicalSystem([[1.0]], [[0.05]], [[1.0]], elements=[Cubic(0.1, w=[1.0]), VanDerPol(0.3, w=[1.0])]),
             [0.18],
@@ -316,7 +301,7 @@ def test_a_set_of_frequencies():
 
 
 def test_automatic_harmonics_keep_the_error_below_the_tolerance():
-    system = MechanicalSystem([[1.0]], [[0.05]], [[1.0]], elements=[Cubic(1.0, w=[1.0])])
+    system = duffing(1.0)
     response = frequency_response(system, force=[0.3], omega=(0.2, 3.0), harmonics="auto", tol=1e-6)
     assert response.status == "converged" and np.max(response.error) <= 1e-6
     assert response.omega[0] == 0.2 and response.omega[-1] == 3.0

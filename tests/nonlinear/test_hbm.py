@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from mbrs.errors import ConvergenceError, ModelError
+from mbrs.examples import duffing
 from mbrs.linear.matrices import MechanicalSystem
 from mbrs.model.laws import (
     CoulombTanh,
@@ -19,10 +20,6 @@ from mbrs.model.laws import (
 from mbrs.nonlinear.options import Fourier
 from mbrs.nonlinear.periodic import harmonic_balance
 from mbrs.reference import hbm_balance
-
-
-def duffing(k3=0.1, c=0.05):
-    return MechanicalSystem([[1.0]], [[c]], [[1.0]], elements=[Cubic(k3, w=[1.0])])
 
 
 def two_masses(*elements):

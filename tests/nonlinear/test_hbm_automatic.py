@@ -3,14 +3,7 @@
 import mbrs as mb
 import numpy as np
 import pytest
-
-
-def duffing(k3=0.1, c=0.05):
-    return mb.MechanicalSystem([[1.0]], [[c]], [[1.0]], elements=[mb.Cubic(k3, w=[1.0])])
-
-
-def van_der_pol(mu):
-    return mb.MechanicalSystem([[1.0]], [[-mu]], [[1.0]], elements=[mb.VanDerPol(mu, w=[1.0])])
+from mbrs.examples import duffing, van_der_pol
 
 
 def random_case(seed):

@@ -6,6 +6,7 @@ import pickle
 import numpy as np
 import pytest
 from mbrs.errors import ConvergenceError, ModelError
+from mbrs.examples import van_der_pol
 from mbrs.linear.matrices import MechanicalSystem
 from mbrs.model.laws import Cubic, Gap, Jenkins, VanDerPol
 from mbrs.nonlinear.limit_cycle import limit_cycle
@@ -14,15 +15,11 @@ from mbrs.reference import hbm_shooting
 PERIODS = {1: 6.66328686, 5: 11.61223067, 20: 34.68232331}  # docs/theory.md (23.10)
 
 
-def van_der_pol(mu):
-    return MechanicalSystem([[1.0]], [[-float(mu)]], [[1.0]], elements=[VanDerPol(float(mu), w=[1.0])])
-
-
 @pytest.mark.parametrize(("mu", "harmonics"), [(1, 31), (5, 159)])
 def test_period_by_harmonic_balance(mu, harmonics):
-    found = limit_cycle(van_der_pol(mu), harmonics=harmonics)
+    found = limit_cycle(van_der_pol(float(mu)), harmonics=harmonics)
     state = np.array([found.displacement(0.0)[0, 0], found.velocity(0.0)[0, 0]])
-    _, period, _ = hbm_shooting.cycle(van_der_pol(mu), {}, state, found.period)
+    _, period, _ = hbm_shooting.cycle(van_der_pol(float(mu)), {}, state, found.period)
     print(f"mu = {mu}, H = {harmonics}: period differs from shooting by {found.period - period:.1e}")
     assert found.period == pytest.approx(PERIODS[mu], abs=6e-9)
     assert found.period == pytest.approx(period, rel=1e-10)
@@ -51,7 +48,7 @@ def test_relaxation_oscillation_by_collocation():
 @pytest.mark.parametrize(("mu", "period"), [(50, 82.5083338932324), (100, 162.837071092372), (200, 323.916041832336)])
 def test_relaxation_oscillations_that_shooting_knows(mu, period):
     # periods: x' = mu (y - x^3/3 + x), y' = -x/mu by SciPy's Radau with rtol 1e-11 and 1e-12, which differ in the 14th digit
-    found = limit_cycle(van_der_pol(mu), method="collocation", harmonics=63)
+    found = limit_cycle(van_der_pol(float(mu)), method="collocation", harmonics=63)
     assert found.period == pytest.approx(period, rel=5e-9) and found.status == "converged"
 
 

@@ -5,6 +5,7 @@ from time import perf_counter
 import numpy as np
 import pytest
 from mbrs.errors import ConvergenceError, ModelError, SingularError
+from mbrs.examples import van_der_pol
 from mbrs.linear.matrices import MechanicalSystem
 from mbrs.linear.response import response
 from mbrs.model.laws import CoulombTanh, Cubic, Gap, VanDerPol, VaryingStiffness
@@ -59,7 +60,7 @@ def test_a_cycle_is_kept_when_only_its_stability_fails(monkeypatch):
         raise SingularError("the eigenvalues for stability did not converge")
 
     monkeypatch.setattr(balance.Setup, "exponents", fails)
-    cycle = limit_cycle(MechanicalSystem([[1.0]], [[-1.0]], [[1.0]], elements=[VanDerPol(1.0, w=[1.0])]), harmonics=21)
+    cycle = limit_cycle(van_der_pol(), harmonics=21)
     assert cycle.exponents is None and cycle.stable is None
     assert abs(cycle.period - 6.6632868593) < 1e-6
 
@@ -76,9 +77,7 @@ def test_a_failed_collocation_is_no_result(monkeypatch):
 
     monkeypatch.setattr(scipy.integrate, "solve_bvp", fails)
     with pytest.raises(ConvergenceError, match="the mesh is full"):
-        limit_cycle(
-            MechanicalSystem([[1.0]], [[-1.0]], [[1.0]], elements=[VanDerPol(1.0, w=[1.0])]), method="collocation"
-        )
+        limit_cycle(van_der_pol(), method="collocation")
 
 
 def test_a_linear_response_refuses_nonlinear_elements():

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 from mbrs.errors import ModelError
+from mbrs.examples import duffing
 from mbrs.linear.matrices import MechanicalSystem
 from mbrs.model.laws import Cubic
 from mbrs.nonlinear.branch import Branch
@@ -39,7 +40,7 @@ def test_points_are_solutions():
 
 def test_damping_as_parameter_reaches_the_linear_limit():
     def damped(c):
-        return MechanicalSystem([[1.0]], [[c]], [[1.0]], elements=[Cubic(0.1, w=[1.0])])
+        return duffing(c=c)
 
     response = parameter_response(damped, value=(0.5, 50.0), force=[0.18], omega=1.0, harmonics=3)
     assert response.amplitude()[-1] == pytest.approx(0.18 / 50, rel=1e-4)

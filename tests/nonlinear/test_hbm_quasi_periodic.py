@@ -9,16 +9,12 @@ import mbrs as mb
 import numpy as np
 import pytest
 from mbrs.errors import MbrsWarning, ModelError
+from mbrs.examples import duffing, two_tone_duffing
 from mbrs.linear.matrices import MechanicalSystem
 from mbrs.model.laws import CoulombTanh, Cubic, Jenkins, VanDerPol
 from mbrs.nonlinear.quasi_periodic import diamond, quasi_periodic
 from mbrs.nonlinear.quasi_periodic_curves import quasi_periodic_response
 from mbrs.reference import hbm_balance
-
-
-def duffing():
-    # docs/theory.md (23.9): quasi-periodic Duffing oscillator of CoSTAR, D = .05, kappa = 1.5; its forces are sines
-    return MechanicalSystem([[1.0]], [[0.1]], [[1.0]], elements=[Cubic(1.5, w=[1.0])])
 
 
 def pair(eta, f=0.25):
@@ -50,7 +46,7 @@ PRINTED = {
 
 @pytest.mark.parametrize("eta", PRINTED)
 def test_printed_coefficients(eta):
-    found = quasi_periodic(duffing(), pair(eta), harmonics=7)
+    found = quasi_periodic(two_tone_duffing()[0], pair(eta), harmonics=7)
     assert found.X.shape == (1, 113) and found.indices.shape == (56, 2)
     for k, (cos, sin) in PRINTED[eta].items():
         c = found.coefficient(0, k)
@@ -64,8 +60,8 @@ def test_printed_coefficients(eta):
 )
 def test_truncation_error_is_estimated(eta, m, printed):
     # docs/theory.md (23.9) lists these truncation errors, relative to the largest displacement
-    found = quasi_periodic(duffing(), pair(eta), harmonics=m)
-    fine = quasi_periodic(duffing(), pair(eta), harmonics=m + 8, x0=found)
+    found = quasi_periodic(two_tone_duffing()[0], pair(eta), harmonics=m)
+    fine = quasi_periodic(two_tone_duffing()[0], pair(eta), harmonics=m + 8, x0=found)
     t = np.linspace(0, 500, 5000)
     true = np.max(np.abs(found.displacement(t) - fine.displacement(t)))
     size = np.max(np.hypot(found.X[0, 1::2], found.X[0, 2::2]))
@@ -75,8 +71,8 @@ def test_truncation_error_is_estimated(eta, m, printed):
 
 
 def test_integration_in_time():
-    assert quasi_periodic(duffing(), pair(2.0), harmonics=13).verify() < 2e-8
-    assert 1e-7 < quasi_periodic(duffing(), pair(1.5), harmonics=7).verify() < 1e-3
+    assert quasi_periodic(two_tone_duffing()[0], pair(2.0), harmonics=13).verify() < 2e-8
+    assert 1e-7 < quasi_periodic(two_tone_duffing()[0], pair(1.5), harmonics=7).verify() < 1e-3
 
 
 def two_masses():
@@ -136,21 +132,21 @@ def test_linear_response_is_superposition():
 
 
 def test_branch_in_frequency_and_level():
-    curve = quasi_periodic_response(duffing(), pair(2.0), scale=(1.0, 0.75), harmonics=7)
+    curve = quasi_periodic_response(two_tone_duffing()[0], pair(2.0), scale=(1.0, 0.75), harmonics=7)
     assert curve.status == "converged" and curve.scale[-1] == 0.75
     end = curve.point(len(curve) - 1)
     for k, (cos, sin) in PRINTED[1.5].items():
         c = end.coefficient(0, k)
         assert (c.real, -c.imag) == pytest.approx((cos, sin), abs=6e-11)
     assert end.verify() < 1e-3
-    level = quasi_periodic_response(duffing(), pair(1.5), level=(0.1, 1.0), harmonics=7)
+    level = quasi_periodic_response(two_tone_duffing()[0], pair(1.5), level=(0.1, 1.0), harmonics=7)
     assert level.status == "converged" and np.allclose(level.X[-1], end.X, atol=1e-9)
     assert "QuasiPeriodicResponse: converged" in str(level)
 
 
 def test_folds_of_a_branch():
     # through the resonance of the harder driven oscillator the branch turns twice
-    system = MechanicalSystem([[1.0]], [[0.05]], [[1.0]], elements=[Cubic(0.1, w=[1.0])])
+    system = duffing()
     forces = [dict(force=[0.18], omega=1.0), dict(force=[0.02], omega=np.sqrt(7))]
     curve = quasi_periodic_response(system, forces, scale=(0.6, 1.5), harmonics=5, tolerance=1e-10)
     assert curve.status == "converged" and len(curve.folds) >= 2
@@ -164,7 +160,7 @@ def test_folds_of_a_branch():
 def test_ratio_of_1_0001_is_told_and_estimated():
     forces = [dict(force=[0.1], omega=2.0), dict(force=[0.1], omega=2.0002)]
     with pytest.warns(MbrsWarning, match="almost commensurable"):
-        found = quasi_periodic(duffing(), forces, harmonics=7)
+        found = quasi_periodic(two_tone_duffing()[0], forces, harmonics=7)
     # the envelope is so slow that the motion is a sequence of periodic ones with the amplitude of the sum
     integrated = found.verify(cycles=200)
     print(f"frequencies with the ratio 1.0001: estimated error {found.error:.1e}, integrated {integrated:.1e}")
@@ -172,7 +168,7 @@ def test_ratio_of_1_0001_is_told_and_estimated():
 
 
 def test_reads_saves_and_plots(tmp_path):
-    found = quasi_periodic(duffing(), pair(2.0), harmonics=3)
+    found = quasi_periodic(two_tone_duffing()[0], pair(2.0), harmonics=3)
     assert "k = (1, 0)" in str(found)
     assert np.array_equal(pickle.loads(found.save(tmp_path / "qp.pkl").read_bytes()).X, found.X)
     assert found.to_xarray().X.shape == (1, 12, 2)
@@ -209,7 +205,7 @@ def test_bad_input(forces, changes, text):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         with pytest.raises(ModelError, match=text):
-            quasi_periodic(duffing(), pair(2.0) if forces is None else forces, **changes)
+            quasi_periodic(two_tone_duffing()[0], pair(2.0) if forces is None else forces, **changes)
 
 
 def test_memory_has_no_quasi_periodic_form():
@@ -221,7 +217,7 @@ def test_memory_has_no_quasi_periodic_form():
 @pytest.mark.parametrize("changes", [{}, dict(scale=(1.0, 1.0)), dict(scale=(1.0, 2.0), level=(1.0, 2.0))])
 def test_branch_needs_one_range(changes):
     with pytest.raises(ModelError, match="range"):
-        quasi_periodic_response(duffing(), pair(2.0), **changes)
+        quasi_periodic_response(two_tone_duffing()[0], pair(2.0), **changes)
 
 
 def two_sines(second=1.5 * 2**0.5):

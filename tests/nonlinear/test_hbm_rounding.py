@@ -1,8 +1,8 @@
 """Finely divided structures, of which rounding leaves little after condensation: right, or refused."""
 
+import mbrs as mb
 import numpy as np
 import pytest
-from hinged_beam import matrices
 from mbrs import _core
 from mbrs.errors import SingularError
 from mbrs.linear.matrices import MechanicalSystem
@@ -10,13 +10,15 @@ from mbrs.model.laws import Cubic
 from mbrs.nonlinear import balance
 from mbrs.nonlinear.frequency_response import frequency_response
 from mbrs.nonlinear.periodic import harmonic_balance
+from problems import hinged_beam
 
 DAMPING = 0.02
 
 
 def beam(elements, law=1e-9):
     """Euler beam on hinges, length pi, bending stiffness and mass per length 1, a spring and a force at its middle."""
-    M, K, middle = matrices(elements, np.pi / elements)
+    problem = hinged_beam(elements, np.pi / elements)
+    (M, K), middle = problem.model, problem.notes["middle"]
     w, force = np.zeros(K.shape[0]), np.zeros(K.shape[0])
     w[middle], force[middle] = 1.0, 0.02
     return MechanicalSystem(M, DAMPING * M, K, elements=[Cubic(law, w=w)]), force, middle
@@ -60,7 +62,7 @@ def test_a_beam_divided_too_finely_is_refused():
 
 
 def test_the_core_refuses_what_would_not_fit_into_memory():
-    linear = _core.HbmLinear.full(np.eye(1), np.eye(1), np.eye(1), np.zeros((2, 1), complex))
+    linear = _core.HbmLinear.full(mb.MechanicalSystem([[1.0]], [[1.0]], [[1.0]]).core, np.zeros((2, 1), complex))
     elements = balance.core_elements([Cubic(1.0, w=[1.0])], [np.array([1.0])])
     for dims, indices, text in (
         ([10**6, 10**6], [[1, 0]], "fewer samples"),

@@ -10,6 +10,7 @@ import sys
 import mbrs as mb
 import numpy as np
 import pytest
+from mbrs.examples import duffing
 
 GO_ON = """
 import pickle, sys
@@ -17,10 +18,6 @@ curve = pickle.load(open(sys.argv[1], "rb"))
 assert curve.status == "max-points", curve.status
 curve.resume().save(sys.argv[2])
 """
-
-
-def duffing(k3=0.1):
-    return mb.MechanicalSystem([[1.0]], [[0.05]], [[1.0]], elements=[mb.Cubic(k3, w=[1.0])])
 
 
 def in_another_process(curve, tmp_path):

@@ -9,22 +9,9 @@ import matplotlib
 import mbrs as mb
 import numpy as np
 import pytest
+from mbrs.examples import duffing, two_mass_cubic, van_der_pol
 
 matplotlib.use("Agg")
-
-
-def duffing(k3=0.1, c=0.05):
-    return mb.MechanicalSystem([[1.0]], [[c]], [[1.0]], elements=[mb.Cubic(k3, w=[1.0])])
-
-
-def two_masses():
-    return mb.MechanicalSystem(
-        np.diag([1.0, 0.05]),
-        [[0.015, -0.013], [-0.013, 0.013]],
-        [[1.0453, -0.0453], [-0.0453, 0.0453]],
-        elements=[mb.Cubic(1.0, w=[1, 0]), mb.Cubic(0.0042, w=[1, -1])],
-        coordinates=["base", "absorber"],
-    )
 
 
 PAIR = [dict(force=[-0.25j], omega=1.5), dict(force=[-0.25j], omega=1.5 * 2**0.5)]
@@ -37,7 +24,7 @@ def curve():
 
 @pytest.fixture(scope="module")
 def absorber():
-    return mb.frequency_response(two_masses(), force=[0.11, 0], omega=(0.8, 1.4))
+    return mb.frequency_response(two_mass_cubic(), force=[0.11, 0], omega=(0.8, 1.4))
 
 
 @pytest.fixture(scope="module")
@@ -70,7 +57,7 @@ def test_stable_and_unstable_parts_meet_at_the_folds(curve):
 
 
 def test_every_kind_of_event_has_its_mark(absorber):
-    names = [text.get_text() for text in absorber.plot("base").axes[0].get_legend().get_texts()]
+    names = [text.get_text() for text in absorber.plot("mass").axes[0].get_legend().get_texts()]
     assert names == ["stable", "unstable", "fold", "Neimark-Sacker"]
 
 
@@ -163,9 +150,7 @@ def test_multipliers_leave_the_circle_where_the_branch_is_unstable(absorber):
 
 
 def test_limit_cycle_has_a_multiplier_one():
-    cycle = mb.limit_cycle(
-        mb.MechanicalSystem([[1.0]], [[-1.0]], [[1.0]], elements=[mb.VanDerPol(1.0, w=[1.0])]), harmonics=31
-    )
+    cycle = mb.limit_cycle(van_der_pol(), harmonics=31)
     assert np.min(np.abs(cycle.multipliers - 1)) < 1e-6 and "period 6.66328" in str(cycle) and "stable" in str(cycle)
     assert cycle.plot_multipliers().axes
 

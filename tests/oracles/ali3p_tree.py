@@ -15,6 +15,7 @@ from mbrs.reference.assembly import assemble, constraint_values
 from mbrs.reference.kinematics import State, System, advance, first_guess, split, twists_of
 from mbrs.reference.motion import explicit_rates, tree_map, velocity_rows
 from mbrs.reference.reader import located_points
+from mbrs.reference.simulate import mass_matrix
 from mbrs.reference.so3 import Array
 from oracles.ali3p import Mechanism
 from oracles.steps import turned_increment
@@ -84,7 +85,7 @@ class TreeMechanism(Mechanism):
 
     def mass(self, q: State, p: Array) -> Array:
         """T^T M T."""
-        return dyn.mass(self.sys, q, tree_map(self.sys, q)[0].value)
+        return mass_matrix(self.sys, q)
 
     def residual(self, t: float, q: State, v: Array, a: Array, p: Array) -> Array:
         """T^T (M (T a + T' v) + h - Q)."""

@@ -28,6 +28,7 @@ from mbrs.reference.motion import (
     velocity_rows,
     with_rates,
 )
+from mbrs.reference.simulate import mass_matrix
 from mbrs.reference.so3 import Array
 from oracles.bdf import WEIGHTS
 from oracles.root import root
@@ -62,7 +63,7 @@ class _Step:
     def __init__(self, sys: System, past: list[Motion], slope: Array, h: float, form: str) -> None:
         self.sys, self.now, self.form, self.g = sys, past[0], form, h / WEIGHTS[0]
         self.rows, self.n_position = independent_rows(sys, self.now.state)
-        M = dyn.mass(sys, self.now.state, tree_map(sys, self.now.state)[0].value)
+        M = mass_matrix(sys, self.now.state)
         _, length = scales(sys)
         self.inertia = float(np.mean(np.diag(M) * length**2))
         self.sigma = np.sqrt(self.inertia / np.diag(M))

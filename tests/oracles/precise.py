@@ -1,5 +1,5 @@
-"""Fifty-digit eigenpairs: the measure of eigenvalue and shape derivatives, which a complex step cannot prove.
-Needs mpmath.
+"""Roots and eigenpairs in many digits by mpmath: the measure of modes, and of the derivatives of eigenvalues and shapes, which a
+complex step cannot prove.
 """
 
 from __future__ import annotations
@@ -8,9 +8,38 @@ from typing import Any
 
 import numpy as np
 from mbrs.reference.so3 import Array
+from mpmath import mp
 
 
-def _refine(mp: Any, matrices: list[Any], s: complex, phi: Array) -> tuple[Any, Any]:
+def companion(m: Any, d: Any, k: Any) -> Any:
+    """[[0, 1], [-M^-1 K, -M^-1 D]] of matrices of mpmath, in its present digits."""
+    n, inverse = m.rows, m**-1
+    a, low, high = mp.zeros(2 * m.rows), -inverse * k, -inverse * d
+    for i in range(n):
+        a[i, n + i] = 1
+        for j in range(n):
+            a[n + i, j], a[n + i, n + j] = low[i, j], high[i, j]
+    return a
+
+
+def exact_roots(M: Array, D: Array, K: Array, digits: int = 50) -> list[Any]:
+    """All roots of det(s^2 M + s D + K) of the numbers stored."""
+    with mp.workdps(digits):
+        return list(mp.eig(companion(*(mp.matrix(a.tolist()) for a in (M, D, K))), left=False, right=False))
+
+
+def relative_errors(values: Array, exact: list[Any], digits: int = 60) -> Array:
+    """Relative distance of every value from the exact root nearest to it, each root used once."""
+    left, out = list(exact), []
+    with mp.workdps(digits):
+        for value in values:
+            z = mp.mpc(complex(value))
+            best = left.pop(min(range(len(left)), key=lambda k: abs(left[k] - z)))
+            out.append(float(abs(best - z) / max(abs(best), mp.mpf(10) ** -40)))
+    return np.array(out)
+
+
+def _refine(matrices: list[Any], s: complex, phi: Array) -> tuple[Any, Any]:
     """Newton on P(s) phi = 0, phi_j = 1, from double precision to the working precision."""
     M, D, S = matrices
     n, j = M.rows, int(np.argmax(np.abs(phi)))
@@ -26,12 +55,12 @@ def _refine(mp: Any, matrices: list[Any], s: complex, phi: Array) -> tuple[Any, 
         border[n, j] = 1
         step = mp.lu_solve(border, right)
         v, value = v + step[:n, 0], value + step[n]
-        if mp.norm(step) <= mp.mpf(10) ** (-mp.mp.dps + 8) * mp.norm(v):
+        if mp.norm(step) <= mp.mpf(10) ** (-mp.dps + 8) * mp.norm(v):
             break
     return value, v
 
 
-def _normalised(mp: Any, M: Any, D: Any, s: Any, v: Any, like: Array, bilinear: bool) -> Any:
+def _normalised(M: Any, D: Any, s: Any, v: Any, like: Array, bilinear: bool) -> Any:
     """The normalisation of `Modes`, in the sign of ``like``."""
     if bilinear:
         v = v * mp.sqrt(2j * s.imag / (v.T * (2 * s * M + D) * v)[0])
@@ -52,8 +81,6 @@ def mp_eigenvalue_derivative(
     For a simple eigenvalue; phi is normalised as in `Modes` (``symmetric`` and complex: bilinear, else phi^H M phi =
     1).
     """
-    import mpmath as mp
-
     phi = np.asarray(phi)
     with mp.workdps(digits):
         e = mp.mpf(10) ** (-(digits // 3))
@@ -63,8 +90,8 @@ def mp_eigenvalue_derivative(
                 mp.matrix(np.asarray(a).tolist()) + sign * e * mp.matrix(np.asarray(da).tolist())
                 for a, da in ((M, dM), (D, dD), (S, dS))
             ]
-            value, v = _refine(mp, moved, s, phi)
-            pairs.append((value, _normalised(mp, moved[0], moved[1], value, v, phi, symmetric and abs(s.imag) > 0)))
+            value, v = _refine(moved, s, phi)
+            pairs.append((value, _normalised(moved[0], moved[1], value, v, phi, symmetric and abs(s.imag) > 0)))
         ds = complex((pairs[0][0] - pairs[1][0]) / (2 * e))
         dv = (pairs[0][1] - pairs[1][1]) / (2 * e)
         return ds, np.array([complex(c) for c in dv])

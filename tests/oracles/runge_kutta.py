@@ -22,6 +22,7 @@ from mbrs.reference.motion import (
     velocity_rows,
     with_rates,
 )
+from mbrs.reference.simulate import mass_matrix
 from mbrs.reference.so3 import Array
 
 
@@ -52,7 +53,7 @@ def accelerations(sys: System, m: Motion, rows: Array) -> Array:
     drift = T.derivative(1) @ m.rate
     h = T.value.T @ dyn.applied_residual(sys, state, drift, memory=m.memory)
     J, turning = Jt.value.T[rows], (Jt.derivative(1).T @ m.rate)[rows]
-    M = dyn.mass(sys, state, T.value)
+    M = mass_matrix(sys, state)
     turning = turning + explicit_rates(sys)[1][rows]
     return np.linalg.solve(_saddle(M, J), np.concatenate([-h, -turning]))[: sys.ny]
 
@@ -74,14 +75,13 @@ def project(sys: System, m: Motion, rows: Array, n_position: int) -> Motion:
         position = np.flatnonzero(~velocity_rows(sys))
         which = np.searchsorted(position, rows[:n_position])
         for _ in range(3):
-            T, Jt = tree_map(sys, state)
+            Jt = tree_map(sys, state)[1]
             miss = -constraint_values(sys, state, sys.cut)[which]
-            step = _correction(dyn.mass(sys, state, T.value), Jt.value.T[rows[:n_position]], miss)
+            step = _correction(mass_matrix(sys, state), Jt.value.T[rows[:n_position]], miss)
             state = advance(sys, state, step)
-    T, Jt = tree_map(sys, state)
-    J = Jt.value.T[rows]
+    J = tree_map(sys, state)[1].value.T[rows]
     miss = -J @ m.rate - explicit_rates(sys)[0][rows]
-    rate = m.rate + _correction(dyn.mass(sys, state, T.value), J, miss)
+    rate = m.rate + _correction(mass_matrix(sys, state), J, miss)
     return Motion(state, rate, m.memory)
 
 

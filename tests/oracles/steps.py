@@ -15,8 +15,9 @@ from mbrs.reference import dynamics as dyn
 from mbrs.reference import so3
 from mbrs.reference.assembly import scales
 from mbrs.reference.kinematics import State, System, advance, relative_pose
+from mbrs.reference.linear import minimum_norm
 from mbrs.reference.motion import Motion, increment_rates, tree_map, with_rates
-from mbrs.reference.simulate import History, least_norm, mass_matrix
+from mbrs.reference.simulate import History, mass_matrix
 from mbrs.reference.so3 import Array
 
 TINY = 1e-30  # a complex step: derivatives to rounding
@@ -111,7 +112,7 @@ def newton(equations: Callable[[Array], Array], unknown: Array, limit: int = 30)
     for count in range(1, limit + 1):
         if slow:
             slopes = np.array([equations(unknown + 1j * TINY * e).imag / TINY for e in np.eye(n)]).T
-        d = least_norm(slopes, -np.real(equations(unknown.astype(complex))))
+        d = minimum_norm(slopes, -np.real(equations(unknown.astype(complex))))
         unknown = unknown + d
         size = float(np.max(np.abs(d)))
         if size < 1e-14 or (size < 1e-9 and size > 0.5 * previous):
@@ -122,11 +123,11 @@ def newton(equations: Callable[[Array], Array], unknown: Array, limit: int = 30)
 
 def force_scales(sys: System, m: Motion) -> Array:
     """Typical inertia of each coordinate, as a factor that makes forces over a squared rate free of units."""
-    return 1 / (np.diag(mass_matrix(sys, m)).real * column_scales(sys))
+    return 1 / (np.diag(mass_matrix(sys, m.state)).real * column_scales(sys))
 
 
 def multiplier_scales(sys: System, m: Motion, J: Array) -> Array:
     """Multipliers, per squared rate, that change the scaled forces by about one."""
-    weighted = J.real * np.sqrt(1 / np.diag(mass_matrix(sys, m)).real)
+    weighted = J.real * np.sqrt(1 / np.diag(mass_matrix(sys, m.state)).real)
     size = np.linalg.norm(weighted, axis=1)
     return row_scales(sys) ** -1 / np.where(size > 0, size, 1.0) ** 2

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
+import jitter
 import matplotlib.pyplot as plt
 import mbrs as mb
 import numpy as np
@@ -14,7 +16,7 @@ import pytest
 from mbrs import plot
 from mbrs.errors import ModelError
 from mbrs.plot.data import breaks_at_jumps, curves, frf_unit, rounded, tornado_bars
-from presentation_standins import hexapod_modes, oscillator_frf, sensitivity
+from small_results import isolator_modes, isolator_sensitivity, row_frf
 
 pytest.importorskip("matplotlib")
 
@@ -45,14 +47,16 @@ def _no_text_is_cut(figure: Any) -> None:
 
 
 def test_modes_shows_every_pole_and_coordinate() -> None:
-    modes = hexapod_modes()
+    modes = isolator_modes()
     figure = plot.modes(modes)
     poles, matrix = figure.axes[:2]
     assert _labels(poles) == ("Re s [rad/s]", "Im s / 2 pi [Hz]")
     drawn = np.vstack([line.get_xydata() for line in poles.get_lines() if line.get_marker() == "o"])
     assert np.sort(drawn[:, 1]) == pytest.approx(np.sort(modes.eigenvalue.imag / (2 * np.pi)))
-    assert [t.get_text() for t in matrix.get_yticklabels()] == modes.coordinates
-    assert np.asarray(matrix.get_images()[0].get_array()) == pytest.approx(np.eye(6))
+    assert [t.get_text() for t in matrix.get_yticklabels()] == list(modes.coordinates)
+    # shapes of equal roots are along the axes, but where noise parts the roots
+    shape = np.abs(modes.shape) if jitter.seed() is not None else np.eye(6)
+    assert np.asarray(matrix.get_images()[0].get_array()) == pytest.approx(shape / shape.max(axis=0), abs=1e-12)
     _no_text_is_cut(figure)
 
 
@@ -89,7 +93,7 @@ def test_modes_of_a_large_model_has_no_tick_for_each_coordinate() -> None:
 
 
 def test_bode_has_units_log_axes_and_the_closed_form() -> None:
-    result = oscillator_frf()
+    result = row_frf()
     above, below = plot.frf(result, marks=[11.25]).axes
     assert above.get_ylabel() == "|H| [m/N]" and _labels(below) == ("frequency [Hz]", "phase [deg]")
     assert above.get_yscale() == below.get_xscale() == "log"
@@ -99,7 +103,7 @@ def test_bode_has_units_log_axes_and_the_closed_form() -> None:
 
 
 def test_many_curves_stay_readable() -> None:
-    result = oscillator_frf(8, 6)
+    result = row_frf(8, 6)
     figure = plot.frf(result)
     above = figure.axes[0]
     assert len(above.get_lines()) == 48 and len(above.get_legend().get_texts()) == 10
@@ -108,17 +112,19 @@ def test_many_curves_stay_readable() -> None:
 
 
 def test_curves_that_are_only_rounding_are_left_out_and_said_so() -> None:
-    result = oscillator_frf(2, 1)
-    result.value[1] *= 1e-15
+    result = row_frf(2, 1)
+    result = replace(result, value=result.value * np.array([1.0, 1e-15])[:, None, None])
     figure = plot.frf(result)
     assert len(figure.axes[0].get_lines()) == 1
     assert figure.axes[0].get_title(loc="left") == "receptance (left out as zero: 1)"
-    result.value[0] = 0.0
-    assert len(plot.frf(result).axes[0].get_lines()) == 1
+    assert (
+        len(plot.frf(replace(result, value=result.value * np.array([0.0, 1.0])[:, None, None])).axes[0].get_lines())
+        == 1
+    )
 
 
 def test_nyquist_is_square_and_marks_the_peak() -> None:
-    result = oscillator_frf(2, 1)
+    result = row_frf(2, 1)
     figure = plot.frf(result, kind="nyquist")
     axes = figure.axes[0]
     assert axes.get_aspect() == 1.0 and _labels(axes) == ("Re H [m/N]", "Im H [m/N]")
@@ -145,9 +151,9 @@ def test_units_follow_kind_and_ports(kind: str, outputs: list[str], inputs: list
 
 
 def test_infinite_resonances_and_nan_do_not_spoil_the_plot() -> None:
-    result = oscillator_frf(2, 1)
-    result.value[0, 0, 100] = complex(np.inf, 0)
-    result.value[1, 0, 50:60] = np.nan
+    value = row_frf(2, 1).value.copy()
+    value[0, 0, 100], value[1, 0, 50:60] = complex(np.inf, 0), np.nan
+    result = replace(row_frf(2, 1), value=value)
     for kind in ("bode", "nyquist"):
         figure = plot.frf(result, kind=kind)
         low, high = figure.axes[0].get_ylim()
@@ -166,11 +172,11 @@ def test_wrapped_phase_draws_no_vertical_line() -> None:
 
 def test_wrong_input_is_named() -> None:
     with pytest.raises(ModelError, match="kind='polar' is not known"):
-        plot.frf(oscillator_frf(), kind="polar")
+        plot.frf(row_frf(), kind="polar")
     with pytest.raises(ModelError, match=r"\(n_out, n_in, n_freq\)"):
         curves(SimpleNamespace(value=np.zeros((2, 3))))
-    with pytest.raises(ModelError, match="mode=2 is not among the 2 modes"):
-        plot.tornado(sensitivity(), mode=2)
+    with pytest.raises(ModelError, match="mode=6 is not among the 6 modes"):
+        plot.tornado(isolator_sensitivity(), mode=6)
     with pytest.raises(ModelError, match="n_t = 3"):
         plot.response(SimpleNamespace(t=np.arange(3), value=np.zeros((1, 4))))
     with pytest.raises(ModelError, match="n_s = 3"):
@@ -214,7 +220,7 @@ def test_campbell_tells_whirl_and_instability_apart() -> None:
 
 
 def test_tornado_is_sorted_by_effect() -> None:
-    figure = plot.tornado(sensitivity())
+    figure = plot.tornado(isolator_sensitivity())
     axes = figure.axes[0]
     widths = [bar.get_width() for bar in axes.patches]
     assert widths == sorted(widths, key=abs, reverse=True) and widths[0] == pytest.approx(-0.0796, abs=1e-4)
@@ -249,14 +255,14 @@ def test_tornado_takes_labels_from_shapes_and_values_from_the_model() -> None:
 
 
 def test_figures_are_those_of_pyplot() -> None:
-    made = plot.tornado(sensitivity())
+    made = plot.tornado(isolator_sensitivity())
     assert plt.fignum_exists(made.number) and plt.gcf() is made
 
 
 def test_figures_need_no_display() -> None:
     code = (
-        "from presentation_standins import sensitivity; from mbrs import plot;"
-        "plot.tornado(sensitivity()).savefig('/dev/null', format='png')"
+        "from small_results import row_frf; from mbrs import plot;"
+        "plot.frf(row_frf()).savefig('/dev/null', format='png')"
     )
     subprocess.run([sys.executable, "-c", code], check=True, env={"PYTHONPATH": ":".join(sys.path)})
 
@@ -264,13 +270,11 @@ def test_figures_need_no_display() -> None:
 def test_two_results_in_one_axes_have_two_colours_and_two_names() -> None:
     _, ax = plt.subplots()
     for shift in (1.0, 1.3):
-        result = oscillator_frf()
-        result.value = shift * result.value
-        plot.frf(result, ax=ax)
+        plot.frf(replace(row_frf(), value=shift * row_frf().value), ax=ax)
     colours = {line.get_color() for line in ax.get_lines()}
     names = [text.get_text() for text in ax.get_legend().get_texts()]
     assert len(ax.get_lines()) == len(colours) == len(names) == len(set(names)) == 2
-    plot.frf(oscillator_frf(), ax=ax, label="third")
+    plot.frf(row_frf(), ax=ax, label="third")
     assert [text.get_text() for text in ax.get_legend().get_texts()][-1] == "third"
     assert len({line.get_color() for line in ax.get_lines()}) == 3
 
@@ -285,7 +289,7 @@ def test_the_users_own_style_is_left_alone() -> None:
     import matplotlib
 
     before = dict(matplotlib.rcParams)
-    plot.tornado(sensitivity())
+    plot.tornado(isolator_sensitivity())
     assert dict(matplotlib.rcParams) == before
 
 

@@ -12,12 +12,12 @@ from mbrs.reference import (
     assemble,
     drawn_state,
     equilibrium,
-    from_poses,
     linearize,
     modes,
     reactions,
 )
 from mbrs.reference.assembly import mobility
+from mbrs.reference.so3 import from_quaternion
 from reference_models import Builder, cubic_hexapod, hanging_four_bar, hanging_rod, ladder, quaternion
 
 
@@ -27,7 +27,7 @@ def frequencies(lin):
 
 @pytest.mark.parametrize("model, expected", [(hanging_rod, 0.610521), (hanging_four_bar, 0.546066)])
 def test_constraint_force_stiffness(model, expected):
-    """sqrt(m g l/2 / (m l^2/3)) / 2 pi and sqrt(2 g / (5/3)) / 2 pi (shared/peers/mbs/prestress_*.py)."""
+    """sqrt(m g l/2 / (m l^2/3)) / 2 pi and sqrt(2 g / (5/3)) / 2 pi."""
     sys = System(model().tables())
     state, _, residual = equilibrium(sys)
     assert residual < 1e-12
@@ -188,7 +188,7 @@ def test_poses_and_origins():
     b.joint("j", "free", None, "p", (0, 0, 0), axis=(1, 1, 0))
     sys = System(b.tables())
     state = drawn_state(sys)
-    again = from_poses(sys, state.r, [quaternion((1, 2, 0), 0.7)], state.v, state.w)
+    again = State(state.r, from_quaternion(quaternion((1, 2, 0), 0.7))[None], state.v, state.w)
     np.testing.assert_allclose(again.R, state.R, atol=1e-15)
     lin = linearize(sys, state)
     rates = np.linalg.solve(lin.T, [1, 0, 2, 0, 1, -1])

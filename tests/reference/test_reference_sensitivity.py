@@ -191,7 +191,7 @@ def test_transfer_function_and_response_derivatives():
     rows = motion_rows(sys, lin, "rod")
     drows = rate.T[6:12]
     F, L, dF, dL = rows[:3].T, rows, drows[:3].T, drows
-    dH = frf_derivative(lin.M, lin.D, lin.S, F, L, omega, rate.M, rate.D, rate.S, dF, dL)
+    dH = frf_derivative((lin.M, lin.D, lin.S, F, L), (rate.M, rate.D, rate.S, dF, dL), omega)
     t = np.linspace(0, 1, 11)
     force = np.sin(9 * t)[:, None] * [1.0, 0, 2.0]
     step = 1e-30j

@@ -6,10 +6,10 @@ import jitter
 import mbrs as mb
 import numpy as np
 import pytest
-from mbrs.motion import simulate
+from mbrs.motion import options
 from mbrs.system.compiled import compiled
 
-METHODS = tuple(method for method in simulate.METHODS if method != "auto")
+METHODS = tuple(method for method in options.METHODS if method != "auto")
 
 
 def direction(rng):

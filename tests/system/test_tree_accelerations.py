@@ -6,11 +6,10 @@ import jitter
 import mbrs as mb
 import numpy as np
 import pytest
-from hinged_chain import hinged_chain
 from mbrs import reference as ref
 from mbrs.model.tables import tables
 from mbrs.reference.simulate import begin
-from random_models import random_tree
+from random_models import hinged_chain, random_tree
 
 
 def started(m):

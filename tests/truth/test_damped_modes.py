@@ -5,34 +5,9 @@ from __future__ import annotations
 import mbrs as mb
 import numpy as np
 import pytest
-from mpmath import mp
+from oracles.precise import exact_roots, relative_errors
 
 EPS = np.finfo(float).eps
-
-
-def true_roots(M: np.ndarray, C: np.ndarray, K: np.ndarray, digits: int = 60) -> list[complex]:
-    """All roots of det(s^2 M + s C + K) of the numbers stored."""
-    n = len(M)
-    with mp.workdps(digits):
-        inverse = mp.matrix(M.tolist()) ** -1
-        low, high = -inverse * mp.matrix(K.tolist()), -inverse * mp.matrix(C.tolist())
-        a = mp.zeros(2 * n)
-        for i in range(n):
-            a[i, n + i] = 1
-            for j in range(n):
-                a[n + i, j], a[n + i, n + j] = low[i, j], high[i, j]
-        return list(mp.eig(a, left=False, right=False))
-
-
-def errors(r: mb.ModalResult, exact: list) -> np.ndarray:
-    """Relative distance of every eigenvalue from the true root nearest to it, each used once."""
-    left, out = list(exact), []
-    for s in r.eigenvalue:
-        with mp.workdps(60):
-            z = mp.mpc(complex(s))
-            best = left.pop(min(range(len(left)), key=lambda k: abs(left[k] - z)))
-            out.append(float(abs(best - z) / max(abs(best), mp.mpf(10) ** -40)))
-    return np.array(out)
 
 
 @pytest.mark.parametrize("seed", range(40))
@@ -55,7 +30,7 @@ def test_rounding_beside_damping_leaves_rigid_modes_rigid(seed):
     r = mb.modes(mb.MechanicalSystem(M, C, K))
     assert np.all(np.isfinite(r.shape)) and r.status == "converged"
     assert np.count_nonzero(r.kind == "rigid") == free and "overdamped" not in r.kind and "divergence" not in r.kind
-    held = np.abs(np.array([complex(s) for s in true_roots(M, C, K)]))
+    held = np.abs(np.array([complex(s) for s in exact_roots(M, C, K, 60)]))
     assert np.allclose(np.sort(r.omega[free:]), np.sort(held)[2 * free :: 2], rtol=1e-10)
 
 
@@ -94,7 +69,7 @@ def test_mass_ratios_are_right_or_honest(ratio, seed):
     M, C, K = np.diag(masses), rows.T @ np.diag(c) @ rows, rows.T @ np.diag(k) @ rows
     M, C, K = (x[np.ix_(order, order)] for x in (M, C, K))
     r = mb.modes(mb.MechanicalSystem(M, C, K))
-    error = errors(r, true_roots(M, C, K))
+    error = relative_errors(r.eigenvalue, exact_roots(M, C, K, 60))
     print(f"{ratio:.0e} {seed}: true {error}, estimated {r.error}, {r.status}, {r.stats.route} {r.stats.counts}")
     assert np.all(error <= 10 * r.error + 4 * EPS) or r.status == "unresolved"
     if r.status == "converged":
@@ -124,7 +99,7 @@ def test_estimates_at_defects(order, seed):
     M, C, K = (mix.T @ x @ mix for x in (M, rate * C, rate**2 * K))
     M, C, K = (0.5 * (x + x.T) for x in (M, C, K))
     r = mb.modes(mb.MechanicalSystem(M, C, K))
-    error = errors(r, true_roots(M, C, K, 80))
+    error = relative_errors(r.eigenvalue, exact_roots(M, C, K, 80))
     print(f"order {order}: true {error}, estimated {r.error}, condition {r.condition}")
     assert r.near_defective.any()
     assert np.all(error <= 1.1 * r.error + 4 * EPS)

@@ -8,38 +8,39 @@ import jitter
 import mbrs as mb
 import numpy as np
 import pytest
-from ladders import NUMBERS, WORLD, exact, ladder
 from mbrs._lib.rotations import quaternion_matrix
+from problems import LADDER_TURN, LADDERS, ladder
 
 
-@pytest.mark.parametrize("numbers", NUMBERS, ids=("short", "long"))
+@pytest.mark.parametrize("numbers", LADDERS, ids=("short", "long"))
 @pytest.mark.parametrize(("n", "order"), [(9, True), (160, False), (270, True), (1600, False)])
 def test_modes_of_ladders(n, order, numbers):
     """Dense and sparse routes; the last has more rows and columns of loops than a dense matrix of 30 000 000 entries."""
-    m = ladder(n, order=order, **numbers)
+    problem = ladder(n, order=order, **numbers)
     with warnings.catch_warnings():
         # nothing carries force and no rank is doubtful in a drawing that is right to rounding
         warnings.simplefilter("error" if jitter.seed() is None else "ignore", mb.MbrsWarning)
-        r = mb.modes(m, n=8)
-    w = exact(n, 8, **numbers)
+        r = mb.modes(problem.model, n=8)
+    w = problem.answer["omega"][:8]
     print(r.stats.route, np.abs(r.omega / w - 1).max())
     # the drawing itself is right to the rounding of its longest coordinate over the length of a layer
     assert np.allclose(r.omega, w, rtol=(1e-13 + jitter.level()) * (10 + n)) and r.status == "converged"
 
 
-@pytest.mark.parametrize("numbers", NUMBERS, ids=("short", "long"))
+@pytest.mark.parametrize("numbers", LADDERS, ids=("short", "long"))
 def test_estimates_of_ladders(numbers):
     """Rounding of places and of the rows of joints, which grows with the height: no estimate is below the error, none absurd."""
     for n in (3, 5, 9, 20, 60, 160, 400):
-        r = mb.modes(ladder(n, **numbers), n=min(n, 8))
-        error = np.abs(r.omega / exact(n, min(n, 8), **numbers) - 1)
+        problem = ladder(n, **numbers)
+        r = mb.modes(problem.model, n=min(n, 8))
+        error = np.abs(r.omega / problem.answer["omega"][:8] - 1)
         print(f"{n} layers, {r.stats.route}: error {error.max():.1e}, estimate {r.error.max():.1e}")
         assert np.all(error < r.error + 3 * jitter.level() * n) and r.error.max() < 1e3 * error.max()
 
 
 @pytest.mark.parametrize(("n", "order"), [(7, False), (130, True), (1600, False)])
 def test_mobility_of_ladders(n, order):
-    system = mb.System(ladder(n, order=order, **NUMBERS[1]))
+    system = mb.System(ladder(n, order=order, **LADDERS[1]).model)
     assert system.dof == n and len(system.loops) == n
     assert sum(system.redundant.values()) == 3 * n and set(system.redundant.values()) == {3}
     around = {frozenset(loop.bodies) for loop in system.loops}
@@ -56,9 +57,9 @@ def test_mobility_of_ladders_of_balls(n):
 
 def test_a_flat_layer_is_found_among_many():
     """One layer drawn as a flat parallelogram, where its motion branches: the message names its joints and no others."""
-    m = ladder(60, **NUMBERS[0])
-    R = quaternion_matrix(WORLD)
-    top = 60 * NUMBERS[0]["length"]
+    m = ladder(60, **LADDERS[0]).model
+    R = quaternion_matrix(LADDER_TURN)
+    top = 60 * LADDERS[0]["length"]
 
     def point(x: float) -> tuple[float, ...]:
         return tuple(R @ np.array([x, top, 0.0]))

@@ -9,6 +9,7 @@ import mbrs as mb
 import mpmath as mp
 import numpy as np
 import pytest
+from oracles import precise
 
 DIGITS = 60
 
@@ -149,20 +150,6 @@ def damped(rng, ratio, n=3):
     return masses, C, K
 
 
-def exact_damped_roots(masses, C, K):
-    """Roots of det(M s^2 + C s + K) of the stored numbers."""
-    with mp.workdps(DIGITS):
-        n = len(masses)
-        A = mp.matrix(2 * n, 2 * n)
-        for i in range(n):
-            A[i, n + i] = mp.mpf(1)
-            for j in range(n):
-                A[n + i, j] = -mp.mpf(float(K[i, j])) / mp.mpf(float(masses[i]))
-                A[n + i, n + j] = -mp.mpf(float(C[i, j])) / mp.mpf(float(masses[i]))
-        values = mp.eig(A, left=False, right=False)
-        return np.array([complex(v) for v in values])
-
-
 @pytest.mark.parametrize(
     "ratio",
     [1e-3, 1e3, 1e6, 1e12, 1e15],
@@ -171,7 +158,7 @@ def test_a_damped_chain_with_one_mass_of_another_size(ratio):
     for seed in range(6):
         masses, C, K = damped(np.random.default_rng([seed, 77]), ratio)
         modes = mb.modes(mb.MechanicalSystem(np.diag(masses), C, K))
-        exact = exact_damped_roots(masses, C, K)
+        exact = np.array([complex(v) for v in precise.exact_roots(np.diag(masses), C, K, DIGITS)])
         for s, stated in zip(modes.eigenvalue, np.broadcast_to(modes.error, modes.n), strict=True):
             true = np.min(np.abs(exact - s)) / abs(s)
             if modes.status == "converged":

@@ -74,6 +74,14 @@ def real_array(name: str, value: Any) -> np.ndarray:
     return array.real.copy()
 
 
+def rising_times(name: str, value: Any, least: int = 3) -> np.ndarray:
+    """At least so many times, one after the other."""
+    array = real_array(name, value)
+    if array.ndim != 1 or len(array) < least or np.any(np.diff(array) <= 0.0):
+        raise ModelError(f"{name} must be at least {least} times that increase, it is {shown(value)}")
+    return array
+
+
 def sized_array(name: str, value: Any, largest: float = 1e60) -> np.ndarray:
     """An array of real numbers of sizes whose products can still be computed with."""
     array = real_array(name, value)

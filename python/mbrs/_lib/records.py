@@ -1,4 +1,4 @@
-"""Results as data: a tree of plain values and a list of arrays, from which `mbrs.io.result_files` makes the same objects."""
+"""Results as data: a tree of plain values and a list of arrays, from which `mbrs.io.results` makes the same objects."""
 
 from __future__ import annotations
 
@@ -81,6 +81,7 @@ HOMES: Mapping[str, str] = {
     "NonlinearSystem": "nonlinear.system",
     "State": "system.state",
     "Orbit": "system.state",
+    "Lags": "linear.floquet",
     "Periodic": "linear.floquet",
     "Port": "model.ports",
     "Directions": "model.tables",

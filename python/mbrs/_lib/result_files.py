@@ -1,4 +1,4 @@
-"""Files of results, written whole or not at all; `mbrs.io.result_files` reads them.
+"""Files of results, written whole or not at all; `mbrs.io.results` reads them.
 
 A file of mbrs ends in, or holds, the SHA-256 of its bytes, so that damage is found before anything is made of it. NetCDF files
 hold the labelled data for every program, and in the group "mbrs" what makes the same object again; the checksum follows

@@ -15,8 +15,10 @@ def twist_at(twist: np.ndarray, arm: np.ndarray) -> np.ndarray:
 
 
 def skew(a: Sequence[float] | np.ndarray) -> np.ndarray:
-    """(3, 3) matrix of the cross product: skew(a) @ b = a x b."""
-    return np.array([[0.0, -a[2], a[1]], [a[2], 0.0, -a[0]], [-a[1], a[0], 0.0]])
+    """Matrices (..., 3, 3) of the cross product with vectors (..., 3): skew(a) @ b = a x b."""
+    x, y, z = np.moveaxis(np.asarray(a), -1, 0)
+    zero = 0.0 * x
+    return np.stack([np.stack(row, -1) for row in ((zero, -z, y), (z, zero, -x), (-y, x, zero))], -2)
 
 
 def matrix_to_quaternion(r: np.ndarray) -> np.ndarray:
@@ -49,7 +51,8 @@ def quaternion_rate(q: Sequence[float], i: int) -> list[float]:
 
 
 def quaternion_matrix(q: Sequence[float] | np.ndarray) -> np.ndarray:
-    """The rotation matrix (3, 3) of a quaternion (4,), scalar first, of any positive length."""
-    w, x, y, z = np.asarray(q, dtype=float) / np.linalg.norm(q)
-    s = skew((x, y, z))
-    return np.eye(3) + 2.0 * (w * s + s @ s)
+    """Rotation matrices (..., 3, 3) of quaternions (..., 4), scalar first, of any positive length."""
+    unit = np.asarray(q, dtype=float)
+    unit = unit / np.linalg.norm(unit, axis=-1, keepdims=True)
+    s = skew(unit[..., 1:])
+    return np.asarray(np.eye(3) + 2.0 * (unit[..., :1, None] * s + s @ s))

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from .._lib.checks import choice, count, each, real_array, shown
+from .._lib.checks import choice, count, each, real_array, rising_times, shown
 from ..errors import ModelError
 from ..results import Result, Stats, quantity, result
 from .lags import lagged
@@ -131,9 +131,7 @@ def rotor_response(
     start = time.perf_counter()
     if not isinstance(rotor, Rotor):
         raise ModelError(f"rotor_response: rotor must be what mb.aero.rotor gives, it is {shown(rotor)}")
-    when = real_array("rotor_response: t", t)
-    if when.ndim != 1 or len(when) < 3 or np.any(np.diff(when) <= 0.0):
-        raise ModelError(f"rotor_response: t must be at least three times that increase, it is {shown(t)}")
+    when = rising_times("rotor_response: t", t)
     choice("inflow of a rotor in time", inflow, ("dynamic-inflow", "bem"))
     m = count("rotor_response: elements", elements, 10000, 8)
     if m % 2:

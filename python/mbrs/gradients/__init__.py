@@ -1,1 +1,1 @@
-"""Gradients of motions."""
+"""Gradients of motions: objectives, direct and adjoint, their result."""

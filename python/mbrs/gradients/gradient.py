@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import time
 from collections.abc import Sequence
@@ -44,11 +45,11 @@ if TYPE_CHECKING:
     from ..system.state import State, StateLike
 
 # order of the error of a gradient, or a little less: its estimate divides by a power of two of it
-_ORDERS = {"explicit": 7, "radau": 5, "ali3p": 2, "generalized-alpha": 2}
+_ORDERS = {"explicit": 7, "radau": 5, "bdf": 4, "ali3p": 2, "generalized-alpha": 2}
 # gradients of two step sizes that differ by more than this (relative) have not begun to converge
 _UNRELATED = 0.3
 METHODS = ("direct", "adjoint", "auto")
-SCHEMES = ("explicit", "radau", "ali3p", "generalized-alpha")
+SCHEMES = ("explicit", "radau", "bdf", "ali3p", "generalized-alpha")
 _READINGS = 20
 
 
@@ -110,7 +111,8 @@ def gradient(
     step, rtol
         s, fixed steps (equal, at most so long, ending at t); or a tolerance that chooses them first. 1e-7 if neither is given.
     scheme
-        "explicit" (order 8, for scenes that are not stiff), "radau" (order 5, for stiff scenes), "ali3p" or "generalized-alpha"
+        "explicit" (order 8, for scenes that are not stiff), "radau" (order 5, for stiff scenes), "bdf" (orders 1 to 5, order
+        4 with ``step``, for stiff scenes), "ali3p" or "generalized-alpha"
         (order 2), with the discrete solution that `mb.simulate` has by that method and those steps; "explicit" in tree coordinates.
         "auto": "explicit" where the motion is not stiff and follows its fastest vibration (with ``step``: not faster than 1/step),
         else "radau" with steps by a tolerance and "ali3p" with fixed steps, which may go over a vibration. None: "auto" with steps by
@@ -155,13 +157,12 @@ def gradient(
 
     Notes
     -----
-    Equations: docs/theory.md (20.1) to (20.10).
+    Equations: docs/theory.md (20.1) to (20.11).
     Direct: O(n_p) tangent steps; adjoint: O(1) in n_p. Sources: ALI3-P after Dopico and co-workers; generalised-alpha after
     O. Bruels, A. Cardona and M. Arnold, Mech. Mach. Theory 48 (2012) 121-137. Its Newton iterations are taken as converged, by
     which the derivative differs from that of every iterate by less than 1e-9 h^2 |a| of a step. The explicit scheme is that of
     order 8 by Dormand and Prince (E. Hairer, S. P. Norsett, G. Wanner, Solving Ordinary Differential Equations I, 2nd edition,
-    Springer 1993); with closed loops the derivative of the projection at the end of a step leaves out terms of the size of the
-    projection itself.
+    Springer 1993). "bdf" differentiates its histories: orders, lengths and charts are those of the motion.
 
     Examples
     --------
@@ -239,13 +240,24 @@ def _estimated(made: MotionGradient, run: Run, objectives: Sequence[Objective], 
     marks = [*(x for o in objectives for x in o.times), *_core.motion_breaks(run.snapshot.system, float(run.times[0]))]
     kept = np.isin(run.times, marks)
     kept[::2] = kept[-1] = True
-    other = _gradients(replace(run, times=run.times[kept]), objectives, along, made.method).gradients
+    coarse_run = replace(run, times=run.times[kept], orders=_of_pairs(run.orders, kept))
+    other = _gradients(coarse_run, objectives, along, made.method).gradients
     fine, coarse = effects_of(made, made.gradient), effects_of(made, other)
     size = np.abs(fine).max(axis=1)
     miss = np.abs(coarse - fine).max(axis=1)
     found = float(np.max(miss[size > 0.0] / size[size > 0.0], initial=0.0))
     # too far apart for an order to show: the difference itself is what is known
-    return found if made.kinks or found > _UNRELATED else found / (2.0 ** _ORDERS[run.scheme] - 1.0)
+    order = float(np.median(np.abs(run.orders))) if len(run.orders) else _ORDERS[run.scheme]
+    return found if made.kinks or found > _UNRELATED else found / (2.0**order - 1.0)
+
+
+def _of_pairs(orders: Sequence[int], kept: np.ndarray) -> tuple[int, ...]:
+    """Orders of steps that are joined: of the last of each, but a beginning stays one."""
+    if not len(orders):
+        return ()
+    ends = np.flatnonzero(kept).tolist()
+    parts = [list(orders[a:b]) for a, b in itertools.pairwise(ends)]
+    return tuple(min(part) if min(part) < 0 else part[-1] for part in parts)
 
 
 def _variant(scheme: str, weight: str | None, rho: float | None) -> dict[str, Any]:
@@ -307,6 +319,7 @@ def prepare(
         raise ModelError("give rtol= (steps chosen first) or step= (fixed steps), not both")
     if kind["scheme"] == "auto":
         kind["scheme"] = _scheme(snapshot, state, without, end, step)
+    orders: tuple[int, ...] = ()
     if end == state.t:
         times = np.array([end])
     elif step is not None:
@@ -317,9 +330,19 @@ def prepare(
         times = grid(state.t, end, h, [*through, *breaks])
     else:
         marks = np.array(sorted({*(x for x in through if x > state.t), end}))
-        traj = simulate(m, marks, rtol=1e-7 if rtol is None else rtol, at=state, without=without, **_as_method(kind))
-        times = _with_marks(traj.steps, marks)
-    return Run(m, snapshot, state, without, times, inner=any(isinstance(o, Integral) for o in objectives), **kind)
+        run: dict[str, Any] = {"rtol": 1e-7 if rtol is None else rtol, "at": state, "without": without}
+        multistep = kind["scheme"] == "bdf"
+        if multistep and len(marks) > 1:
+            # every mark has a step that ends near it
+            run["max_step"] = 0.9 * float(np.diff(marks).min())
+        traj = simulate(m, marks, **run, **_as_method(kind))
+        if multistep:
+            breaks = _core.motion_breaks(snapshot.system, state.t)
+            times, orders = _drawn_to(traj.steps, traj.orders, marks, breaks, slack)
+        else:
+            times = _with_marks(traj.steps, marks)
+    inner = any(isinstance(o, Integral) for o in objectives)
+    return Run(m, snapshot, state, without, times, inner=inner, orders=orders, **kind)
 
 
 def _scheme(snapshot: Snapshot, state: State, without: tuple[str, ...], end: float, step: float | None) -> str:
@@ -343,11 +366,39 @@ def _with_marks(steps: np.ndarray, marks: np.ndarray) -> np.ndarray:
     return np.unique(np.concatenate([steps[far], marks]))
 
 
+def _drawn_to(
+    steps: np.ndarray, orders: Sequence[int], marks: np.ndarray, breaks: Sequence[float], near: float
+) -> tuple[np.ndarray, tuple[int, ...]]:
+    """The same steps, the nearest of which end at the marks: lengths and orders of a history go on evenly.
+
+    The start and the breaks stay where they are: a mark that is nearest to one of them has a step of its own.
+    """
+    held = {0, *np.flatnonzero(np.isin(steps, breaks)).tolist()}
+    ends, own = {i: float(steps[i]) for i in held}, []
+    for mark in marks.tolist():
+        nearest = int(np.abs(steps - mark).argmin())
+        if nearest not in held or abs(mark - steps[nearest]) <= near:
+            ends[nearest] = mark
+        else:
+            own.append(mark)
+    places = sorted(ends)
+    times = np.interp(steps, steps[places], [ends[i] for i in places])
+    times[places] = [ends[i] for i in places]
+    kinds = list(orders)
+    for mark in own:
+        i = int(np.searchsorted(times, mark))
+        times = np.insert(times, i, mark)
+        # the other part of a step that begins a history goes on at its order
+        kinds.insert(i, abs(kinds[i - 1]))
+    return times, tuple(kinds)
+
+
 def _as_method(kind: dict[str, Any]) -> dict[str, Any]:
     scheme = kind["scheme"]
     return {"method": scheme} | {
         "explicit": {"coordinates": "tree"},
         "radau": {},
+        "bdf": {},
         "ali3p": {},
         "generalized-alpha": {"rho": kind["rho"]},
     }[scheme]

@@ -33,7 +33,7 @@ class Integral:
 
     The function is a further state of the motion. The weights of the scheme integrate it: the trapezoidal rule on the steps of
     "ali3p" and "generalized-alpha" (order 2), the stages of "explicit" (order 8) and "radau" (order 5), at which the function
-    is called too.
+    is called too, and the formulas of the steps of "bdf".
 
     Parameters
     ----------

@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from .._lib.rotations import quaternion_matrix
 from ..errors import NameNotFoundError
-from ._poses import Frame, from_quaternion
+from ._poses import Frame
 from ._tree import Builder, Coupling
 from ._xml import Node, clipped
 
@@ -63,7 +64,7 @@ def _weld(reader: Any, builder: Builder, node: Node, name: str) -> None:
         first, second = _frame(reader, links[0]), _frame(reader, links[1])
         relative = node.numbers("relpose", 7, (0.0,) * 7)
         if any(relative[3:]):
-            wanted = Frame(from_quaternion(relative[3:]), np.array(relative[:3]))
+            wanted = Frame(quaternion_matrix(relative[3:]), np.array(relative[:3]))
             _check_drawn(node, second.within(first @ wanted))
         node.text("anchor")
         _join(builder, "fixed", node, name, links, (second.p, second.p))

@@ -9,8 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from .._lib.rotations import quaternion_matrix
 from ..errors import ModelError, NameNotFoundError
-from ._poses import Array, Frame, Inertia, from_quaternion, rotation_matrix
+from ._poses import Array, Frame, Inertia, rotation_matrix
 from ._xml import Node, Source, clipped, parse
 
 # Files that include each other end here. Too small: deeply nested models are refused. Pinned by tests/io/test_hostile.py.
@@ -128,7 +129,7 @@ class Angles:
             return np.eye(3)
         if key == "quat":
             q = node.numbers(key, 4)
-            return from_quaternion(_direction(node, key, q))
+            return quaternion_matrix(_direction(node, key, q))
         if key == "axisangle":
             *axis, angle = node.numbers(key, 4)
             return rotation_matrix(_direction(node, key, axis), angle * self.unit)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from .._lib.rotations import quaternion_matrix
+from .._lib.rotations import skew
 
 Array = np.ndarray
 
@@ -16,7 +16,7 @@ def rotation_matrix(axis: Sequence[float] | Array, angle: float) -> Array:
     """The rotation (3, 3) about a direction, not zero, by an angle in rad (Rodrigues)."""
     a = np.asarray(axis, dtype=float)
     a = a / np.linalg.norm(a)
-    s = np.array([[0.0, -a[2], a[1]], [a[2], 0.0, -a[0]], [-a[1], a[0], 0.0]])
+    s = skew(a)
     # 1 - cos without cancellation
     return np.eye(3) + np.sin(angle) * s + 2.0 * np.sin(0.5 * angle) ** 2 * (s @ s)
 
@@ -56,11 +56,6 @@ class Frame:
     def within(self, outer: Frame) -> Frame:
         """This frame seen from another one of the same surroundings."""
         return Frame(outer.R.T @ self.R, outer.R.T @ (self.p - outer.p))
-
-
-def from_quaternion(q: Sequence[float] | Array) -> Array:
-    """The rotation of a quaternion, scalar first, of any length but zero."""
-    return quaternion_matrix(np.asarray(q, dtype=float))
 
 
 @dataclass(frozen=True)

@@ -16,8 +16,7 @@ from .._lib.text import counted, without_rounding
 from ..errors import ModelError
 from ..results import Result, Stats, derived, quantity, result
 from .linear_system import relaxes
-from .modal_result import ModalResult, array_of, refuse_sparse_model
-from .relaxation import states_of
+from .modal_result import ModalResult, refuse_sparse_model
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -312,7 +311,7 @@ def eigen_sensitivity(
     if not isinstance(modal, ModalResult):
         raise ModelError(f"eigen_sensitivity needs the result of mbrs.modes, got {type(modal).__name__}")
     refuse_sparse_model(modal.system, "modal result")
-    if (states := states_of(modal.system)) is not None:
+    if (states := modal.system.states) is not None:
         raise relaxes(states.names[0])
     dof = len(modal.coordinates)
     parts = [_entries(name, a, dof) for name, a in (("dM", dM), ("dC", dC), ("dK", dK))]
@@ -336,7 +335,7 @@ def _solve(
     from .. import _core
 
     with core_errors():
-        r = _core.eigen_sensitivities(_matrices(modal), _modes(modal), changes)
+        r = _core.eigen_sensitivities(modal.system.core, _modes(modal), changes)
     flat = r["eigenvalue"]
     cut = list(modal.cut_group)
     flat[cut] = np.nan
@@ -361,10 +360,6 @@ def _solve(
     )
 
 
-def _matrices(modal: ModalResult) -> Any:
-    return tuple(array_of(getattr(modal.system, a)) for a in ("M", "C", "G", "K", "N"))
-
-
 def _modes(modal: ModalResult) -> Any:
     left = modal.left
     return (
@@ -382,7 +377,7 @@ def _shape_derivatives(sensitivity: EigenSensitivity) -> np.ndarray:
 
     modal = sensitivity.modal
     with core_errors():
-        r = _core.shape_sensitivities(_matrices(modal), _modes(modal), sensitivity.changes, sensitivity.flat)
+        r = _core.shape_sensitivities(modal.system.core, _modes(modal), sensitivity.changes, sensitivity.flat)
     shape = np.moveaxis(r["shape"], 0, 1)
     shape[:, list(modal.cut_group)] = np.nan
     finite = np.isfinite(shape)

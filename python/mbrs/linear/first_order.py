@@ -11,7 +11,7 @@ from .._lib.checks import shown
 from .._lib.text import Block, without_rounding
 from ..errors import ModelError, SingularError
 from ..results import Result, quantity, result
-from .linear_system import LinearSystem, dense
+from .linear_system import LinearSystem
 
 if TYPE_CHECKING:
     import control
@@ -181,14 +181,13 @@ def first_order(linear: LinearSystem, kind: str = "displacement") -> StateSpace:
 
 def _state_matrices(linear: LinearSystem) -> tuple[np.ndarray, np.ndarray]:
     n = linear.n
-    M, S = dense(linear.M), dense(linear.S)
-    D = np.zeros((n, n)) if linear.D is None else dense(linear.D)
+    M, C, G, K, N = (np.zeros((n, n)) if a is None else a for a in (getattr(linear.core, name) for name in "MCGKN"))
     if np.linalg.matrix_rank(M) < n:
         weakest = linear.coordinates[int(np.argmin(np.abs(np.diag(M))))]
         raise SingularError(
             f"the mass matrix is singular (near coordinate {weakest!r}): a state space needs a mass there"
         )
-    solved = np.linalg.solve(M, np.hstack([S, D, linear.F]))
+    solved = np.linalg.solve(M, np.hstack([K + N, C + G, linear.F]))
     A = np.zeros((2 * n, 2 * n))
     A[:n, n:] = np.eye(n)
     A[n:] = -solved[:, : 2 * n]

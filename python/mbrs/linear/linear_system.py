@@ -2,43 +2,31 @@
 
 from __future__ import annotations
 
-import hashlib
-from collections import OrderedDict
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from .. import _core
-from .._lib.border import core_errors
 from ..errors import ModelError
 from ..model.names import index
-from .relaxation import States, states_of
+from .relaxation import States
 
-EFFECT_OF = {"C": "damping", "G": "gyroscopic", "N": "circulatory"}
-_DENSE_LIMIT = 3000
 _SPARSE_FROM = 400
-
-
-def check_matrix_effects(without: Sequence[str]) -> None:
-    """Raise unless these are effects that matrices alone can be without."""
-    for name in without:
-        if name not in EFFECT_OF.values():
-            raise ModelError(f"without={name!r}: the effects of a MechanicalSystem are {', '.join(EFFECT_OF.values())}")
 
 
 @dataclass(frozen=True, eq=False)
 class LinearSystem:
     """M y" + D y' + S y = F u, outputs L y + D0 u; an input may enter through its derivative of order ``order_in``.
 
-    Columns of F beyond the inputs belong once more to the inputs that ``shared`` names: ground that turns under gravity
-    acts by its angular acceleration and by its angle.
+    ``source`` is the linearisation or `MechanicalSystem` with the matrices; ``other`` a system of the core in their place. Columns of F
+    beyond the inputs belong once more to the inputs that ``shared`` names: ground that turns under gravity acts by its angular
+    acceleration and by its angle.
     """
 
-    M: Any
-    D: Any
-    S: Any
+    source: Any
     coordinates: tuple[str, ...]
     F: np.ndarray
     order_in: np.ndarray
@@ -47,10 +35,10 @@ class LinearSystem:
     D0: np.ndarray | None
     outputs: tuple[str, ...]
     effects: tuple[str, ...]
-    source: Any = None
     shared: tuple[int, ...] = ()
     # states of laws and of the air, beside M, D and S
     states: States | None = None
+    other: _core.SecondOrder | None = None
 
     @property
     def n(self) -> int:
@@ -69,12 +57,37 @@ class LinearSystem:
     @property
     def is_large(self) -> bool:
         """Sparse and so large that it is left so."""
-        sparse = any(hasattr(a, "tocsc") for a in (self.M, self.D, self.S) if a is not None)
-        return sparse and self.n > _SPARSE_FROM
+        return bool(self.source.is_sparse) and self.n > _SPARSE_FROM
 
-    def reduction(self) -> tuple[_core.FrfReduction, bool]:
-        """The reduced system, and whether it had to be made: systems with the same numbers share one."""
-        return reduction_of(dense(self.M), None if self.D is None else dense(self.D), dense(self.S))
+    @property
+    def core(self) -> _core.SecondOrder:
+        """The matrices in the core, with all that has been derived from them."""
+        made: _core.SecondOrder = self.source.core if self.other is None else self.other
+        return made
+
+    @property
+    def maps(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray | None]:
+        """L, F, order_in, D0, as the core takes them."""
+        return self.L, self.F, self.order_in, self.D0
+
+    @cached_property
+    def M(self) -> Any:
+        """Mass, dense, or sparse where the system `is_large`."""
+        return self._of.M
+
+    @cached_property
+    def D(self) -> Any:
+        """C + G, or None."""
+        return _sum(self._of.C, self._of.G)
+
+    @cached_property
+    def S(self) -> Any:
+        """K + N."""
+        return _sum(self._of.K, self._of.N)
+
+    @property
+    def _of(self) -> Any:
+        return self.source if self.is_large else self.core
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,14 +102,13 @@ class Origin:
 
 
 def assembled(system: Any, effects: Sequence[str], inputs: Any, outputs: Any, relaxing: bool = False) -> LinearSystem:
-    """The matrices of a linearisation or `MechanicalSystem` with these effects, and the maps of inputs and outputs.
+    """A linearisation or `MechanicalSystem` with the maps of inputs and outputs; ``effects``: those that its matrices hold.
 
     ``relaxing``: the caller knows states of laws and of the air.
     """
-    states = states_of(system)
+    states = system.states
     if states is not None and not relaxing:
         raise relaxes(states.names[0])
-    used = {k: getattr(system, k) if e in effects else None for k, e in EFFECT_OF.items()}
     coordinates = tuple(system.coordinates)
     D0, shared = None, ()
     if hasattr(system, "input_map"):
@@ -113,9 +125,7 @@ def assembled(system: Any, effects: Sequence[str], inputs: Any, outputs: Any, re
     if D0 is not None and not np.any(D0):
         D0 = None
     return LinearSystem(
-        M=system.M,
-        D=_sum(used["C"], used["G"]),
-        S=_sum(system.K, used["N"]),
+        source=system,
         coordinates=coordinates,
         F=np.ascontiguousarray(F, dtype=float),
         order_in=np.asarray(order_in, dtype=np.int64),
@@ -124,7 +134,6 @@ def assembled(system: Any, effects: Sequence[str], inputs: Any, outputs: Any, re
         D0=None if D0 is None else np.ascontiguousarray(D0, dtype=float),
         outputs=tuple(names_out),
         effects=tuple(effects),
-        source=system,
         shared=shared,
         states=states,
     )
@@ -186,48 +195,12 @@ def relaxes(name: str) -> ModelError:
     )
 
 
-def dense(a: Any) -> np.ndarray:
-    """A matrix as a NumPy array; refuses what would not fit sensibly."""
-    if hasattr(a, "toarray"):
-        if a.shape[0] > _DENSE_LIMIT:
-            raise ModelError(
-                f"a sparse system of {a.shape[0]} coordinates is too large for dense work (limit {_DENSE_LIMIT}): "
-                "reduce it to its lowest modes first (mb.modes(system, n=...))"
-            )
-        a = a.toarray()
-    return np.asarray(a, dtype=float)
-
-
 def csc_arrays(a: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Column pointers, row indices and values of a matrix, as the sparse functions of the core take them."""
     from scipy.sparse import csc_matrix
 
     made = csc_matrix(a)
     return made.indptr.astype(np.int64), made.indices.astype(np.int64), made.data.astype(float)
-
-
-# Reductions of the last systems, bounded by the numbers that they hold: larger ones are made again when they are asked for again.
-_reductions: OrderedDict[bytes, tuple[_core.FrfReduction, int]] = OrderedDict()
-_KEPT_NUMBERS = 8_000_000
-
-
-def reduction_of(M: np.ndarray, D: np.ndarray | None, S: np.ndarray) -> tuple[_core.FrfReduction, bool]:
-    """Reductions are kept by the contents of the matrices, up to 64 MB: a second call with other frequencies or ports is cheap."""
-    digest = hashlib.blake2b(digest_size=16)
-    for a in (M, D, S):
-        digest.update(b"none" if a is None else np.ascontiguousarray(a).data)
-        digest.update(str(None if a is None else a.shape).encode())
-    key = digest.digest()
-    known = _reductions.get(key)
-    if known is not None:
-        _reductions.move_to_end(key)
-        return known[0], False
-    with core_errors():
-        made = _core.FrfReduction(M, D, S)
-    _reductions[key] = made, 4 * M.size  # eigenvectors on both sides or Hessenberg form and basis, complex
-    while sum(numbers for _, numbers in _reductions.values()) > _KEPT_NUMBERS:
-        _reductions.popitem(last=False)
-    return made, True
 
 
 def _sum(a: Any, b: Any) -> Any:

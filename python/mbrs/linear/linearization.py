@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
+from .. import _core
 from .._lib.border import core_errors
 from .._lib.rotations import quaternion_matrix, twist_at
 from .._lib.text import without_rounding
@@ -25,7 +26,9 @@ from .constraint_maps import cut_map, open_map
 from .first_order import StateSpace, first_order
 from .floquet import Periodic
 from .inertia import mass_matrices, mass_matrix_at
-from .linear_system import EFFECT_OF, assembled
+from .linear_system import assembled
+from .matrices import EFFECT_OF
+from .relaxation import States, extended, states_of
 from .strains import Strains, strains_at
 
 if TYPE_CHECKING:
@@ -34,6 +37,8 @@ if TYPE_CHECKING:
 
     from ..model.model import Model
     from ..model.ports import Ports
+
+_SQUARE = ("coordinate", "coordinate_")
 
 
 @result
@@ -61,11 +66,7 @@ class Linearization(Result):
         what a linearisation off equilibrium leaves out.
     """
 
-    M: np.ndarray = quantity(dims=("coordinate", "coordinate_"))
-    C: np.ndarray | None = quantity(dims=("coordinate", "coordinate_"))
-    G: np.ndarray | None = quantity(dims=("coordinate", "coordinate_"))
-    K: np.ndarray = quantity(dims=("coordinate", "coordinate_"))
-    N: np.ndarray | None = quantity(dims=("coordinate", "coordinate_"))
+    core: _core.SecondOrder
     coordinates: tuple[str, ...]
     T: np.ndarray
     bodies: tuple[str, ...]
@@ -80,6 +81,64 @@ class Linearization(Result):
 
     row: ClassVar[str] = "coordinate"
     axes: ClassVar[Mapping[str, str]] = {"coordinate": "coordinates", "coordinate_": "coordinates", "body": "bodies"}
+
+    @cached_property
+    @derived(dims=_SQUARE)
+    def M(self) -> np.ndarray:
+        """(dof, dof) mass."""
+        kept: np.ndarray = _kept(self.core.M)
+        return kept
+
+    @cached_property
+    @derived(dims=_SQUARE)
+    def C(self) -> np.ndarray | None:
+        """(dof, dof) damping, or None."""
+        kept: np.ndarray | None = _kept(self.core.C)
+        return kept
+
+    @cached_property
+    @derived(dims=_SQUARE)
+    def G(self) -> np.ndarray | None:
+        """(dof, dof) gyroscopic, or None."""
+        kept: np.ndarray | None = _kept(self.core.G)
+        return kept
+
+    @cached_property
+    @derived(dims=_SQUARE)
+    def K(self) -> np.ndarray:
+        """(dof, dof) stiffness."""
+        kept: np.ndarray = _kept(self.core.K)
+        return kept
+
+    @cached_property
+    @derived(dims=_SQUARE)
+    def N(self) -> np.ndarray | None:
+        """(dof, dof) circulatory, or None."""
+        kept: np.ndarray | None = _kept(self.core.N)
+        return kept
+
+    @cached_property
+    def states(self) -> States | None:
+        """States of laws and of the air that answer with a time of their own, or None."""
+        return states_of(self)
+
+    @cached_property
+    def extended(self) -> _core.SecondOrder:
+        """The system with `states` as further coordinates."""
+        if self.states is None:
+            return self.core
+        return extended(self, self.states)
+
+    def data_state(self) -> dict[str, Any]:
+        """The fields, with the matrices in place of what the core holds."""
+        state = super().data_state()
+        del state["core"]
+        return {**{name: getattr(self, name) for name in _SENSE}, **state}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        given = [state.pop(name) for name in "MCGKN"]
+        with core_errors():
+            self.__dict__.update(state, core=_core.SecondOrder(*given))
 
     @property
     @derived(dims=("body", "component", "coordinate"), name="T")
@@ -317,6 +376,13 @@ class Linearization(Result):
         from ..plot.matrices import matrices
 
         return matrices(self, ax=ax)
+
+
+def _kept(a: Any) -> Any:
+    """A matrix of the core, for reading."""
+    if a is not None:
+        a.flags.writeable = False
+    return a
 
 
 _SENSE = {"M": "mass", "C": "damping", "G": "gyroscopic", "K": "stiffness", "N": "circulatory"}

@@ -104,15 +104,14 @@ def averaged(snapshot: Snapshot, state: State, without: tuple[str, ...], start: 
     found = linearization_at(snapshot, state, matrices_at(snapshot, state, without), without, start, warn=False)
     turn = orbit_matrices(snapshot, state.orbit, without, found.coordinates)
     M, D, S = turn.mean
-    parts = {
-        "M": 0.5 * (M + M.T),
-        "C": 0.5 * (D + D.T),
-        "G": 0.5 * (D - D.T),
-        "K": 0.5 * (S + S.T),
-        "N": 0.5 * (S - S.T),
-    }
-    kept = {name: part if name in "MK" or np.any(part) else None for name, part in parts.items()}
-    return found.replaced(**kept, residual=np.zeros(found.n), over_turn=turn)
+    if turn.lags is not None:
+        # states of the air come to rest in a linearisation, each in its blade
+        E, P, R, A = turn.lags.mean
+        A = A + turn.lags.turning
+        D, S = D + E @ np.linalg.solve(A, R), S + E @ np.linalg.solve(A, P)
+    with core_errors():
+        core = _core.SecondOrder(0.5 * (M + M.T), 0.5 * (D + D.T), 0.5 * (D - D.T), 0.5 * (S + S.T), 0.5 * (S - S.T))
+    return found.replaced(core=core, residual=np.zeros(found.n), over_turn=turn)
 
 
 def linearization_at(
@@ -131,11 +130,7 @@ def linearization_at(
         )
     on = tuple(e for e in effects(model).on if e not in without)
     return Linearization(
-        M=r["M"],
-        C=r["C"],
-        G=r["G"],
-        K=r["K"],
-        N=r["N"],
+        core=r["second_order"],
         coordinates=tuple(r["coordinates"]),
         T=r["T"],
         bodies=tuple(snapshot.tables["body_name"]),
@@ -155,7 +150,7 @@ def linearization_at(
 def _unbalance(r: dict[str, Any]) -> str:
     """The coordinate that a state off balance sets in motion most, and how much."""
     try:
-        acceleration = np.linalg.solve(r["M"], r["residual"])
+        acceleration = np.linalg.solve(r["second_order"].M, r["residual"])
     except np.linalg.LinAlgError:  # a coordinate without inertia
         worst = int(np.argmax(np.abs(r["residual"])))
         return f"{r['residual'][worst]:.3g} N or N m are unbalanced at {r['coordinates'][worst]!r}"

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from .._lib.border import require_memory
+from .. import _core
+from .._lib.border import core_errors, require_memory
 from .._lib.formats import Omission, warn_of_omissions
 from .._lib.matrix_files import choose, read_matrices, write_matrices
 from ..errors import ModelError
@@ -20,12 +22,39 @@ if TYPE_CHECKING:
     from ..model.laws import Law
 
 
+# Effects of a system that is given by matrices, and the matrices that hold them.
+EFFECT_OF = {"C": "damping", "G": "gyroscopic", "N": "circulatory"}
+_MATRICES = ("M", "C", "K", "G", "N")
+_DENSE_LIMIT = 3000
+
+
+def check_matrix_effects(without: Sequence[str]) -> None:
+    """Raise unless these are effects that matrices alone can be without."""
+    for name in without:
+        if name not in EFFECT_OF.values():
+            raise ModelError(f"without={name!r}: the effects of a MechanicalSystem are {', '.join(EFFECT_OF.values())}")
+
+
+def dense(a: Any) -> np.ndarray:
+    """A matrix as a NumPy array; refuses what would not fit sensibly."""
+    if hasattr(a, "toarray"):
+        if a.shape[0] > _DENSE_LIMIT:
+            raise ModelError(
+                f"a sparse system of {a.shape[0]} coordinates is too large for dense work (limit {_DENSE_LIMIT}): "
+                "reduce it to its lowest modes first (mb.modes(system, n=...))"
+            )
+        a = a.toarray()
+    return np.asarray(a, dtype=float)
+
+
 def _is_sparse(a: Any) -> bool:
     return hasattr(a, "tocsc")
 
 
 class MechanicalSystem:
     """A user's own matrices: M x" + (C + G) x' + (K + N) x + sum_e w_e law_e(w_e . x, w_e . x') = f(t).
+
+    The matrices are copied and stay as they are; what analyses derive from them is computed once. Other numbers make another system.
 
     Parameters
     ----------
@@ -75,6 +104,35 @@ class MechanicalSystem:
             raise ModelError(f"coordinates must be {self.n} different names, got {len(names)}")
         self.coordinates = names
 
+    # laws of a model have states that relax; those of matrices have none
+    states: ClassVar[None] = None
+
+    def __setattr__(self, name: str, value: object) -> None:
+        if name in _MATRICES and name in self.__dict__:
+            raise AttributeError(f"{name} of a MechanicalSystem stays as it is; make another system of other matrices")
+        super().__setattr__(name, value)
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {k: v for k, v in self.__dict__.items() if k not in ("core", "_without")}
+
+    @cached_property
+    def core(self) -> _core.SecondOrder:
+        """The matrices as dense ones of the core, with all that is derived from them."""
+        C, G, N = (None if a is None else dense(a) for a in (self.C, self.G, self.N))
+        with core_errors():
+            return _core.SecondOrder(dense(self.M), C, G, dense(self.K), N)
+
+    def leaving_out(self, names: frozenset[str]) -> MechanicalSystem:
+        """The same system without those of C, G and N that are named; made once."""
+        names &= {a for a in EFFECT_OF if getattr(self, a) is not None}
+        if not names:
+            return self
+        made: dict[frozenset[str], MechanicalSystem] = self.__dict__.setdefault("_without", {})
+        if names not in made:
+            parts: dict[str, Any] = {a: None if a in names else getattr(self, a) for a in _MATRICES}
+            made[names] = MechanicalSystem(**parts, elements=self.elements, coordinates=self.coordinates)
+        return made[names]
+
     @staticmethod
     def load(path: str | Path, names: Mapping[str, str] | None = None) -> MechanicalSystem:
         """A system from a file of matrices: ``.op4``, ``.pch`` (DMIG), ``.mtx``, ``.mat`` (docs/files.md).
@@ -122,6 +180,7 @@ class MechanicalSystem:
 def _checked(name: str, a: Any, n: int | None) -> Any:
     if _is_sparse(a):
         a = a.tocsc().astype(float)
+        a.sum_duplicates()
         values = a.data
     else:
         if isinstance(a, np.ndarray):
@@ -139,4 +198,5 @@ def _checked(name: str, a: Any, n: int | None) -> Any:
         raise ModelError(f"{name} is {a.shape[0]} x {a.shape[1]} but M is {n} x {n}")
     if not np.all(np.isfinite(values)):
         raise ModelError(f"{name} contains NaN or infinite entries")
+    values.flags.writeable = False
     return a

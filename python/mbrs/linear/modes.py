@@ -18,12 +18,11 @@ from .._lib.progress import call_progress
 from ..errors import ConvergenceError, ModelError, SingularError
 from ..model.book import Book
 from ..model.schema import LAW_OF_CODE
-from .linear_system import EFFECT_OF, check_matrix_effects
 from .linearization import Linearization
 from .linearize import second_order_of
-from .matrices import MechanicalSystem
+from .matrices import EFFECT_OF, MechanicalSystem, check_matrix_effects
 from .modal_result import ModalResult, array_of, modal_result
-from .relaxation import relaxing_modes, states_of
+from .relaxation import relaxing_modes
 from .sparse_modes import DENSE_INSTEAD, is_large, model_modes, sparse_modes
 from .stiffness_factor import stiffness_factor
 
@@ -115,11 +114,8 @@ def _second_order(m: Any, at: Any, without: tuple[str, ...]) -> tuple[Any, tuple
     if at is not None:
         raise ModelError("at= is the state to linearise a model at; a MechanicalSystem is linear already, leave it out")
     check_matrix_effects(without)
-    drop = {matrix for matrix, effect in EFFECT_OF.items() if effect in without}
-    if drop:
-        parts: dict[str, Any] = {a: None if a in drop else getattr(m, a) for a in ("M", "C", "K", "G", "N")}
-        m = MechanicalSystem(**parts, elements=m.elements, coordinates=m.coordinates)
-    return m, tuple(effect for matrix, effect in EFFECT_OF.items() if getattr(m, matrix) is not None)
+    m = m.leaving_out(frozenset(a for a, name in EFFECT_OF.items() if name in without))
+    return m, tuple(name for a, name in EFFECT_OF.items() if getattr(m, a) is not None)
 
 
 def _has_state_rates(m: Any) -> bool:
@@ -187,19 +183,17 @@ def _dense(
     system: Any, n: int | None, effects: tuple[str, ...], factor: Any, shift: float | None, start: float
 ) -> ModalResult:
     f = None if factor is None else _matrix("stiffness_factor", factor)
-    mass, stiffness = np.asarray(array_of(system.M)), np.asarray(array_of(system.K))
-    damping, gyroscopic, circulatory = (array_of(getattr(system, a)) for a in "CGN")
-    states = states_of(system)
-    if states is not None:
+    if system.states is not None:
         with core_errors():
-            r = relaxing_modes(system, states, (damping, gyroscopic), (stiffness, circulatory))
+            r = relaxing_modes(system.extended, system.states)
+        r["error"] = r["error"] + _dropped_by_means(system, r)
         return modal_result(system, r if shift is None or n is None else _nearest(r, n, shift), n, effects, start)
     try:
-        with core_errors(), call_progress(f"modes of {len(mass)} coordinates", 100.0 * len(mass) ** 3):
-            r, mf = _with_its_masses(system, mass, damping, gyroscopic, stiffness, circulatory, f)
+        with core_errors(), call_progress(f"modes of {system.n} coordinates", 100.0 * float(system.n) ** 3):
+            r, mf = _with_its_masses(system, f)
             f = _factor_for(system, r) if f is None else None
             if f is not None:
-                r = _core.dense_modes(mass, damping, gyroscopic, stiffness, circulatory, f, mf)
+                r = system.core.modes(f, mf)
     except SingularError as problem:
         names = tuple(system.coordinates)
         text = re.sub(r"\{coordinate (\d+)\}", lambda hit: f"coordinate {names[int(hit[1])]!r}", str(problem))
@@ -224,19 +218,17 @@ def _dropped_by_means(system: Any, r: dict[str, Any]) -> np.ndarray | float:
     return 0.0 if turn is None else turn.left_out(np.asarray(r["eigenvalue"]))
 
 
-def _with_its_masses(
-    system: Any, mass: Any, damping: Any, gyroscopic: Any, stiffness: Any, circulatory: Any, f: Any
-) -> tuple[dict[str, Any], np.ndarray | None]:
+def _with_its_masses(system: Any, f: np.ndarray | None) -> tuple[dict[str, Any], np.ndarray | None]:
     """Modes, and the factor of M that they needed where light bodies are lost beside heavy ones in M itself."""
     try:
-        r = _core.dense_modes(mass, damping, gyroscopic, stiffness, circulatory, f)
+        r = system.core.modes(f)
         if not r["light"] or not hasattr(system, "mass_factor"):
             return r, None
     except _core.CoreSingularError:
         if not hasattr(system, "mass_factor"):
             raise
     mf = system.mass_factor
-    return _core.dense_modes(mass, damping, gyroscopic, stiffness, circulatory, f, mf), mf
+    return system.core.modes(f, mf), mf
 
 
 def _factor_for(system: Any, r: dict[str, Any]) -> np.ndarray | None:
@@ -249,7 +241,7 @@ def _factor_for(system: Any, r: dict[str, Any]) -> np.ndarray | None:
     factor = stiffness_factor(system)
     if factor is None or r["blurred"]:
         return factor
-    return factor if _core.is_strained(factor, r["shape"][:, rigid].real, system.M) else None
+    return factor if system.core.is_strained(factor, r["shape"][:, rigid].real) else None
 
 
 def _matrix(name: str, a: Any) -> np.ndarray:

@@ -14,7 +14,7 @@ from .._lib.progress import call_progress
 from .._lib.text import counted, number, without_rounding
 from ..errors import ModelError
 from ..results import Result, Stats, added_counts, quantity, result
-from .linear_system import LinearSystem, Origin, dense, directions, relaxes
+from .linear_system import LinearSystem, Origin, directions, relaxes
 from .matrices import MechanicalSystem
 from .relaxation import States
 from .second_order import linear_system
@@ -217,14 +217,10 @@ def response(
         again = list(linear.shared)
         history = replace(history, u=_again(history.u, again), bulge=_again(history.bulge, again))
     state = (_state(x0, linear.n, "x0"), _state(v0, linear.n, "v0"))
-    if linear.states is not None:
-        linear, state = _extended(linear, linear.states, state)
-    reduction, made = linear.reduction()
-    with core_errors(), call_progress(f"response at {len(times)} times", len(times) * float(linear.n) ** 2):
-        raw = reduction.response(
-            linear.L, linear.F, linear.order_in, linear.D0, history.t, history.u, history.bulge, *state
-        )
-    counts = added_counts(linear.source, reduction.counts if made else {}, raw["counts"])
+    solved, begun = (linear, state) if linear.states is None else _extended(linear, linear.states, state)
+    with core_errors(), call_progress(f"response at {len(times)} times", len(times) * float(solved.n) ** 2):
+        raw = solved.core.response(solved.maps, (history.t, history.u, history.bulge, *begun))
+    counts = added_counts(linear.source, raw["counts"])
     error_history = raw[f"{kind}_error"]
     return ResponseResult(
         t=times,
@@ -283,21 +279,10 @@ def response_sensitivity(
         )
     if linear.states is not None:
         raise relaxes(linear.states.names[0])
-    reduction, _ = linear.reduction()
     changes = (None if a is None else np.asarray(a, dtype=float) for a in (dM, dD, dS, dF, dL, dD0))
+    loads = (history.t, history.u, history.bulge, *state)
     with core_errors():
-        raw = reduction.response_sensitivity(
-            linear.L,
-            linear.F,
-            linear.order_in,
-            linear.D0,
-            history.t,
-            history.u,
-            history.bulge,
-            *state,
-            len(parameters),
-            *changes,
-        )
+        raw = linear.core.response_sensitivity(linear.maps, loads, (len(parameters), *changes))
     shape = (len(linear.outputs), history.t.size, len(parameters))
     value, error = np.zeros(shape), np.zeros((shape[0], shape[2]))
     counts: dict[str, int] = {}
@@ -389,10 +374,9 @@ def _with_inputs(m: Any, ports: list[Any], outputs: Any, at: Any, without: Seque
 def _extended(linear: LinearSystem, own: States, state: tuple[Any, Any]) -> tuple[LinearSystem, tuple[Any, Any]]:
     """States of laws and of the air as further coordinates, at rest at the start."""
     m = len(own.own)
-    M, D, S = own.extended(dense(linear.M), None if linear.D is None else dense(linear.D), dense(linear.S))
     coordinates = (*linear.coordinates, *(f"state of {name} ({j + 1})" for j, name in enumerate(own.names)))
     F, L = np.pad(linear.F, ((0, m), (0, 0))), np.pad(linear.L, ((0, 0), (0, m)))
-    made = replace(linear, M=M, D=D, S=S, F=F, L=L, coordinates=coordinates)
+    made = replace(linear, other=linear.source.extended, F=F, L=L, coordinates=coordinates)
     return made, tuple(np.pad(x, (0, m)) for x in state)  # type: ignore[return-value]
 
 

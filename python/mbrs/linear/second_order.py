@@ -7,9 +7,9 @@ from typing import Any
 
 from .._lib.checks import one_or_names
 from ..errors import ModelError
-from .linear_system import EFFECT_OF, LinearSystem, assembled, check_matrix_effects
+from .linear_system import LinearSystem, assembled
 from .linearize import second_order_of
-from .matrices import MechanicalSystem
+from .matrices import EFFECT_OF, MechanicalSystem, check_matrix_effects
 
 
 def second_order(m: Any, at: Any, without: Sequence[str]) -> tuple[Any, tuple[str, ...]]:
@@ -19,17 +19,16 @@ def second_order(m: Any, at: Any, without: Sequence[str]) -> tuple[Any, tuple[st
         if at is not None:
             raise ModelError("at= is for models; a MechanicalSystem has no other state than its matrices")
         check_matrix_effects(without)
-        system: Any = m
+        system: Any = m.leaving_out(frozenset(k for k, e in EFFECT_OF.items() if e in without))
     elif hasattr(m, "input_map"):
         if at is not None or without:
             raise ModelError("at= and without= belong to the call of mb.linearize that made this linear system")
         system = m
     elif hasattr(m, "bodies") or hasattr(m, "ground"):
-        system, without = second_order_of(m, at, without), ()
+        system = second_order_of(m, at, without)
     else:
         raise ModelError(f"expected a Model or a MechanicalSystem, got {type(m).__name__}")
-    effects = tuple(e for k, e in EFFECT_OF.items() if getattr(system, k) is not None and e not in without)
-    return system, effects
+    return system, tuple(e for k, e in EFFECT_OF.items() if getattr(system, k) is not None)
 
 
 def linear_system(

@@ -60,9 +60,11 @@ class SparseModel:
     Attributes
     ----------
     coordinates, bodies
-        Names of the minimal coordinates and of the bodies.
+        Names of the minimal coordinates, and of the bodies with the nodes of flexible ones.
     motion
         (6 n_bodies, n) motion of the centres of mass in each mode, world axes.
+    absolute
+        (n_absolute, n) the modes over the coordinates of `form`: those of all bodies, then those of shapes.
     arm
         (n_bodies, 3) from the centres of mass to the origins.
     """
@@ -70,6 +72,7 @@ class SparseModel:
     coordinates: tuple[str, ...]
     bodies: tuple[str, ...]
     motion: np.ndarray
+    absolute: np.ndarray
     arm: np.ndarray
     state: State
     without: tuple[str, ...]
@@ -103,19 +106,25 @@ class SparseModel:
     def form(self) -> dict[str, Any]:
         """Sparse matrices in absolute coordinates (centres of mass, world axes): see `matrices`."""
         with core_errors():
-            return _core.sparse_model_form(self.snapshot.system, self.state.q, self.state.rate, list(self.without))
+            state = self.state
+            return _core.sparse_model_form(
+                self.snapshot.system, state.q, state.rate, state.acceleration.tolist(), list(self.without)
+            )
 
     def energy(self) -> tuple[np.ndarray, tuple[str, ...], np.ndarray]:
         """Kinetic energy of each body (n_bodies, n); names of the elastic elements and the strain energy of each."""
         from scipy.sparse import coo_array
 
-        x = self.motion.reshape(len(self.bodies), 6, -1)
-        kinetic = np.einsum("bin,bij,bjn->bn", x.conj(), self.form["mass"], x).real
+        x, body = self.absolute, self.form["body"]
+        i, j, v = self.form["mass"]
+        kinetic = np.zeros((len(self.bodies), x.shape[1]))
+        own = body[i] == body[j]
+        np.add.at(kinetic, body[i[own]], (x[i[own]].conj() * x[j[own]]).real * v[own, None])
         i, j, v = self.form["rows"]
         compliance, owner = self.form["compliance"], self.form["connector"]
-        stretch = coo_array((v, (i, j)), shape=(len(compliance), len(self.motion))).tocsr() @ self.motion
+        stretch = coo_array((v, (i, j)), shape=(len(compliance), len(x))).tocsr() @ x
         elastic = owner >= 0
-        energy = np.zeros((len(self.form["names"]), self.motion.shape[1]))
+        energy = np.zeros((len(self.form["names"]), x.shape[1]))
         np.add.at(energy, owner[elastic], np.abs(stretch[elastic]) ** 2 / compliance[elastic][:, None])
         return kinetic, tuple(self.form["names"]), energy
 
@@ -123,7 +132,7 @@ class SparseModel:
 def model_modes(
     model: Any, at: Any, n: int, without: Any, start: float, shift: float | None = None
 ) -> ModalResult | None:
-    """The n lowest modes of a model at rest, or those nearest to a frequency; None where the dense route must take over and can."""
+    """The n lowest modes of a model, or those nearest to a frequency; None where the dense route must take over and can."""
     without = check_without(without)
     snapshot = Snapshot.of(model)
     state = state_of(model, snapshot.system, at)
@@ -131,12 +140,18 @@ def model_modes(
         return None
     try:
         with core_errors(), Elapsed(f"lowest {n} modes of {model.name!r}"):
-            r = _core.sparse_model_modes(snapshot.system, state.q, state.rate, list(without), n, _sigma(shift))
-    except RouteError:
+            if state.turn is not None:
+                raise RouteError(
+                    "the sparse route of large models knows no steady motions whose axes turn: mb.modes(m) without n= takes the dense route"
+                )
+            r = _core.sparse_model_modes(
+                snapshot.system, state.q, state.rate, state.acceleration.tolist(), list(without), n, _sigma(shift)
+            )
+    except (RouteError, ConvergenceError):
         if snapshot.system.n_tree > _DENSE_AT_MOST:
             raise
         return None
-    if at is None and r["unbalanced"] > BALANCED:
+    if at is None and not state.moving and r["unbalanced"] > BALANCED:
         warnings.warn(
             f"the drawn state of {model.name!r} is not in balance: at {r['worst']!r} "
             f"{r['unbalanced']:.1e} of all forces is "
@@ -146,10 +161,11 @@ def model_modes(
         )
     count = r["shape"].shape[1]
     if not np.any(r["body"].imag):
-        r["body"] = r["body"].real.copy()
+        r["body"], r["motion"] = r["body"].real.copy(), r["motion"].real.copy()
     _sign(r)
-    names = tuple(body.name for body in model.bodies)
-    system = SparseModel(tuple(r["coordinates"]), names, r["body"], r["arm"], state, without, snapshot)
+    # with the nodes of flexible bodies
+    names = tuple(snapshot.tables["body_name"])
+    system = SparseModel(tuple(r["coordinates"]), names, r["body"], r["motion"], r["arm"], state, without, snapshot)
     on = tuple(e for e in effects(model).on if e not in without)
     r["backward_error"] = r["residual"]
     # the small problem behind the modes has more of them, and no shapes of coordinates for partners
@@ -166,7 +182,7 @@ def _sign(r: dict[str, Any]) -> None:
     first = np.argmax(size >= (1.0 - 1e-6) * size.max(axis=0), axis=0)
     flip = np.where(r["shape"][first, np.arange(size.shape[1])].real < 0.0, -1.0, 1.0)
     r["shape"] = r["shape"] * flip
-    r["body"] = r["body"] * flip
+    r["body"], r["motion"] = r["body"] * flip, r["motion"] * flip
 
 
 def _truncate(r: dict[str, Any], n: int) -> None:

@@ -271,7 +271,7 @@ def _averaged(
     )
     keep = [name for name in turn.names if not (held and name in by_name)]
     places = [turn.names.index(name) for name in keep]
-    state = replace(state, turn=turn.W[np.ix_(places, places)], frame="multiblade")
+    state = replace(state, turn=turn.W[np.ix_(places, places)], frame="multiblade", memory=turn.memory(orbit))
     linearization = averaged(snapshot, state, without, start)
     assert linearization.over_turn is not None
     return SteadyMotion(

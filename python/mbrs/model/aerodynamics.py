@@ -8,6 +8,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from .._lib.monotone import cubic_pieces
+from .._lib.rotations import quaternion_matrix
 from .air_schema import AIR, SECTION, UNSTEADY
 from .aliases import Axis, Scalar
 from .attached_lift import attached_line, lift_at
@@ -387,22 +388,9 @@ def aerodynamics(
     <aerodynamics 'air' of 'vane'>
     """
     air = Aerodynamics(self, self.new_name("aerodynamics", name))
-    for what, value, known in (("inflow", inflow, INFLOWS), ("coupling", coupling, COUPLINGS)):
-        if value not in known:
-            raise problem(f"{name}.{what}", f"must be one of {', '.join(known)}, got {shown(value)}")
-    if options and inflow not in STEPPED:
-        raise problem(
-            f"{name}.options",
-            f"belong to inflows with steps of their own, got {', '.join(options)} with {shown(inflow)}",
-        )
+    _check_ways(name, inflow, coupling, options, attached)
     air.inflow, air.coupling, air.options = inflow, coupling, dict(options or {})
-    if not isinstance(attached, bool):
-        raise problem(f"{name}.attached", f"must be True or False, got {shown(attached)}")
     air.attached, air.stalls = attached, repr(stall) not in ("0", "0.0")
-    if attached and inflow in STEPPED:
-        raise problem(
-            f"{name}.attached", f"must be False beside the wake {shown(inflow)}, which holds the vorticity that is shed"
-        )
     air.blades, air.polars = _plain_blades(name, blades, polars)
     speed, shear, height, *vectors, ground = _wind(name, wind)
     along = vectors[:3] if axis is None else direction(axis, f"{name}.axis")
@@ -413,33 +401,49 @@ def aerodynamics(
     owners = [self.find_body(blade["body"], f"{name}.blades") for blade in air.blades]
     if any(i < 0 for i in owners):
         raise problem(f"{name}.blades", "must be on bodies, not on ground")
-    n_axis = np.array(floats(along)) / np.linalg.norm(floats(along))
     air.check(air.evaluated(values))
-    rows: list[np.ndarray] = []
-    places: list[tuple[int, int]] = []
-    for blade, i in zip(air.blades, owners, strict=True):
-        owner = self.bodies[i]
-        nodes, at = _place(air, owner, blade)
-        places += [(i, node) for node in nodes]
-        cone = float(np.sqrt(1.0 - (_outwards(owner) @ n_axis) ** 2))
-        row = _numbers(blade, at, len(air.blades), cone)
-        if inflow == "dynamic-inflow" and not (cone > 0.0 and blade["place"][0] > 0.0):
-            raise problem(
-                f"{name}.blades", f"need sections outwards from the axis for annuli; those of {blade['body']!r} are not"
-            )
-        if air.stalls:
-            lines = _attached_lines(name, blade, air.polars)
-            row[:, SECTION.slice("slope")], row[:, SECTION.slice("zero")] = lines[:, :1], lines[:, 1:]
-        rows.append(row)
+    unit = np.array(floats(along)) / np.linalg.norm(floats(along))
+    placed = [_sections_of(air, name, blade, i, unit) for blade, i in zip(air.blades, owners, strict=True)]
     air.put(values)
     air.sections = Sections(self, name)
-    air.sections.places = places
-    air.sections.put(np.concatenate(rows).ravel().tolist())
+    air.sections.places = [place for places, _ in placed for place in places]
+    air.sections.put(np.concatenate([rows for _, rows in placed]).ravel().tolist())
     self.register(air, self.airs)
     return air
 
 
-def _outwards(owner: Body) -> np.ndarray:
-    """World direction of the body's x axis, as drawn."""
-    w, x, y, z = np.array(owner.values("orientation")) / np.linalg.norm(owner.values("orientation"))
-    return np.array([1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)])
+def _check_ways(name: str, inflow: str, coupling: str, options: Any, attached: Any) -> None:
+    """Inflow, coupling and attached flow that exist and go together."""
+    for what, value, known in (("inflow", inflow, INFLOWS), ("coupling", coupling, COUPLINGS)):
+        if value not in known:
+            raise problem(f"{name}.{what}", f"must be one of {', '.join(known)}, got {shown(value)}")
+    if options and inflow not in STEPPED:
+        raise problem(
+            f"{name}.options",
+            f"belong to inflows with steps of their own, got {', '.join(options)} with {shown(inflow)}",
+        )
+    if not isinstance(attached, bool):
+        raise problem(f"{name}.attached", f"must be True or False, got {shown(attached)}")
+    if attached and inflow in STEPPED:
+        raise problem(
+            f"{name}.attached", f"must be False beside the wake {shown(inflow)}, which holds the vorticity that is shed"
+        )
+
+
+def _sections_of(
+    air: Aerodynamics, name: str, blade: Any, i: int, axis: np.ndarray
+) -> tuple[list[tuple[int, int]], np.ndarray]:
+    """Body and node of each section of a blade on body ``i``, and the sections' numbers."""
+    owner = air.model.bodies[i]
+    nodes, at = _place(air, owner, blade)
+    outwards = quaternion_matrix(np.array(owner.values("orientation")))[:, 0]
+    cone = float(np.sqrt(1.0 - (outwards @ axis) ** 2))
+    rows = _numbers(blade, at, len(air.blades), cone)
+    if air.inflow == "dynamic-inflow" and not (cone > 0.0 and blade["place"][0] > 0.0):
+        raise problem(
+            f"{name}.blades", f"need sections outwards from the axis for annuli; those of {blade['body']!r} are not"
+        )
+    if air.stalls:
+        lines = _attached_lines(name, blade, air.polars)
+        rows[:, SECTION.slice("slope")], rows[:, SECTION.slice("zero")] = lines[:, :1], lines[:, 1:]
+    return [(i, node) for node in nodes], rows

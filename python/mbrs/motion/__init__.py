@@ -1,1 +1,1 @@
-"""Motion in time."""
+"""Motion in time: simulation, trajectories, derivatives of the steps, blades in moving air."""

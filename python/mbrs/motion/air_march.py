@@ -189,6 +189,7 @@ def _joined(parts: list[dict[str, Any]], options: dict[str, Any], rounds: int) -
             rows.append(part[name][keep])
         out[name] = np.concatenate(rows)
     out["steps"] = np.concatenate([parts[0]["steps"], *(part["steps"][1:] for part in parts[1:])])
+    out["orders"] = [order for part in parts for order in part["orders"]]
     out["local_error"] = np.concatenate([part["local_error"] for part in parts])
     counts: dict[str, int] = {}
     for part in parts:

@@ -13,8 +13,8 @@ import numpy as np
 
 from ..errors import ConvergenceError, ModelError
 from ..flexible import ModalBody
-from ..linear.linear_system import dense, directions
-from ..linear.matrices import MechanicalSystem
+from ..linear.linear_system import directions
+from ..linear.matrices import MechanicalSystem, dense
 from ..linear.response import ResponseResult
 from ..model.law_items import SavedLaw
 from ..model.laws import FunctionLaw, Polynomial1D, VaryingStiffness

@@ -13,12 +13,10 @@ import numpy as np
 
 from .. import _core
 from .._lib.border import core_errors
-from .._lib.checks import count, shown
 from .._lib.progress import Progress
 from ..errors import ConvergenceError, Interrupted, MbrsWarning, ModelError
 from ..linear.matrices import MechanicalSystem
 from ..linear.response import ResponseResult
-from ..model.tables import directions
 from ..results import Stats
 from ..system.air_flow import flows, require_covered
 from ..system.effects import LINEAR_ONLY, check_without, effects
@@ -27,6 +25,19 @@ from ..system.state import State, state_of
 from .air_march import march, stepped
 from .amplification import warn_amplified
 from .matrix_motion import simulate_matrices
+from .options import (
+    ORDER,
+    TIGHTENED,
+    TIGHTEST,
+    limits,
+    motion_options,
+    penalised,
+    refuse_options_of_matrices,
+    refuse_options_of_models,
+    tightest_without_tangent,
+    variant,
+    with_sensitivities,
+)
 from .trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -36,23 +47,14 @@ if TYPE_CHECKING:
     from ..model.model import Model
     from ..system.state import StateLike
 
-METHODS = ("auto", "explicit", "generalized-alpha", "radau", "bdf", "bdf-bfgs", "ali3p")
-_ORDER = {"explicit": 8, "generalized-alpha": 2, "radau": 5, "bdf": 4, "bdf-bfgs": 4, "ali3p": 2}
-_TIGHTEST, _LOOSEST = 1e-13, 1e-1
-# below it the norm to which the equations of a step of bdf-bfgs are solved shows in the rates, and steps collapse; with rows of loops
-# or drives it shows earlier (slider-crank: from 1e-9 on errors of 1.3e-9 to 2.8e-9, whatever is asked)
-_TIGHTEST_WITHOUT_TANGENT = 1e-10
-_TIGHTEST_WITH_ROWS = 3e-9
 # changes of initial values below this are rounding
 _CHANGED = 1e-9
-# methods whose error is estimated by a tighter run, and how much tighter it is
-_TIGHTENED, _TIGHTER = frozenset({"explicit", "radau", "bdf", "bdf-bfgs"}), 30.0
+# how much tighter the run is that estimates the error of the methods in `TIGHTENED`
+_TIGHTER = 30.0
 # below it the error of bdf-bfgs no longer follows its tolerance: a tighter run is no better
 _NOISE_WITHOUT_TANGENT = 1e-9
 # deflections beyond this part of a body's length are too large for linear elasticity in a frame
 _BENT = 0.2
-# updates of multipliers in one linear system
-_MOST_PASSES = 1000
 # outputs at which the error is estimated
 _COMPARED = 50
 
@@ -226,25 +228,13 @@ def simulate(
     True
     """
     if isinstance(m, MechanicalSystem):
-        own: dict[str, Any] = dict(
-            at=at, coordinates=coordinates, parameters=parameters, penalty=penalty, passes=passes
-        )
-        for name, value in own.items():
-            if value is not None:
-                raise ModelError(f"{name}= belongs to motions of a Model; a MechanicalSystem starts from x0= and v0=")
-        if tuple(without):
-            raise ModelError("without= belongs to motions of a Model; a MechanicalSystem is what its matrices are")
-        given: dict[str, Any] = dict(
-            rtol=rtol, step=step, method=method, rho=rho, form=form, update=update, max_step=max_step
-        )
-        given |= dict(first_step=first_step, max_steps=max_steps)
+        of_models = dict(at=at, coordinates=coordinates, parameters=parameters, penalty=penalty, passes=passes)
+        refuse_options_of_models(of_models, without)
+        given: dict[str, Any] = dict(rtol=rtol, step=step, method=method, rho=rho, form=form, update=update)
+        given |= dict(max_step=max_step, first_step=first_step, max_steps=max_steps)
         chosen = {name: value for name, value in given.items() if value is not None}
         return simulate_matrices(m, t, loads, x0, v0, chosen, simulate, _compared_with)
-    for other, start_or_load in (("loads", loads), ("x0", x0), ("v0", v0)):
-        if start_or_load is not None:
-            raise ModelError(
-                f"{other}= belongs to motions of a MechanicalSystem; a model has m.force(..., value=f), and at= for its start"
-            )
+    refuse_options_of_matrices(dict(loads=loads, x0=x0, v0=v0))
     start = time.perf_counter()
     without = check_without(without)
     for name in without:
@@ -254,36 +244,19 @@ def simulate(
     snapshot = Snapshot.of(m, without, absolute)
     state = state_of(m, snapshot.system, at, hold=False, without=without)
     if parameters is not None:
-        if absolute:
-            raise ModelError('a motion in coordinates="absolute" has no sensitivities; leave out one of both')
-        method = _with_sensitivities(method)
-        if method == "explicit":
-            if coordinates == "independent":
-                raise ModelError(
-                    'a motion in coordinates="independent" has no sensitivities; leave out coordinates= or parameters='
-                )
-            coordinates = "tree"
-        if not isinstance(parameters, (str, Sequence)):
-            raise ModelError(f"parameters= takes an address or a list of them, got {shown(parameters)}")
-        directions(m, parameters)
-    options = _options(t, rtol, step, method, state)
+        method, coordinates = with_sensitivities(m, parameters, method, coordinates)
+    options = motion_options(t, rtol, step, method, state)
     asked = options.get("rtol", np.inf)
     if method == "bdf-bfgs" and "rtol" in options:
-        options["rtol"] = max(asked, _tightest_without_tangent(snapshot))
+        options["rtol"] = max(asked, tightest_without_tangent(snapshot))
     if parameters is not None and "outputs" in options:
         raise ModelError(
             "sensitivities belong to the steps of a motion: with parameters= give t= as a number, or take mb.gradient with "
             "mb.AtTimes for given times"
         )
-    for name, value in (("rho", rho), ("max_step", max_step), ("first_step", first_step), ("max_steps", max_steps)):
-        if value is not None:
-            options[name] = _number(name, value, positive=name != "rho")
-    if max_steps is not None and (isinstance(max_steps, bool) or options["max_steps"] % 1.0 != 0.0):
-        raise ModelError(f"max_steps= must be a whole number, got {shown(max_steps)}")
-    if rho is not None and not 0.0 <= rho <= 1.0:
-        raise ModelError(f"rho= lies between 0 and 1, got {rho}")
-    options |= _penalised(method, penalty, passes, parameters)
-    options["method"] = _variant(method, form, update, None if absolute else coordinates)
+    options |= limits(rho, max_step, first_step, max_steps)
+    options |= penalised(method, penalty, passes, parameters)
+    options["method"] = variant(method, form, update, None if absolute else coordinates)
 
     air = stepped(m, without, absolute)
     if air is None:
@@ -304,12 +277,7 @@ def simulate(
     if method in ("bdf", "bdf-bfgs") and step is not None:  # steps that follow a tolerance see what grows
         warn_amplified(m, at, traj.steps)
     if options.get("rtol", np.inf) > asked:
-        warnings.warn(
-            f"rtol={asked:g} was not reached: the equations of a step are solved without a tangent, which allows "
-            f"{options['rtol']:g}; .error estimates the error of the motion",
-            MbrsWarning,
-            stacklevel=2,
-        )
+        _report_tolerance(asked, options["rtol"])
     _warn_bent(traj)
     if traj.status == "stopped":
         raise ConvergenceError(
@@ -320,8 +288,13 @@ def simulate(
     return traj
 
 
-def _tightest_without_tangent(snapshot: Snapshot) -> float:
-    return _TIGHTEST_WITH_ROWS if snapshot.system.topology()["row_joint"] else _TIGHTEST_WITHOUT_TANGENT
+def _report_tolerance(asked: float, reached: float) -> None:
+    warnings.warn(
+        f"rtol={asked:g} was not reached: the equations of a step are solved without a tangent, which allows {reached:g}; .error "
+        "estimates the error of the motion",
+        MbrsWarning,
+        stacklevel=3,
+    )
 
 
 def _warn_bent(traj: Trajectory) -> None:
@@ -340,94 +313,6 @@ def _warn_bent(traj: Trajectory) -> None:
                 MbrsWarning,
                 stacklevel=3,
             )
-
-
-def _variant(method: str, form: Any, update: Any, coordinates: Any) -> str:
-    if coordinates is not None:
-        if coordinates not in ("tree", "independent"):
-            raise ModelError(f"coordinates= is 'tree', 'independent' or 'absolute', got {shown(coordinates)}")
-        if method != "explicit":
-            raise ModelError(f'coordinates={coordinates!r} belongs to method="explicit", not to {shown(method)}')
-        method = f"{method}/{coordinates}"
-    if form is None and update is None:
-        return method
-    if method != "bdf-bfgs":
-        method = method.partition("/")[0]
-        raise ModelError(f'form= and update= belong to method="bdf-bfgs", not to {shown(method)}')
-    form, update = "ggl" if form is None else form, "auto" if update is None else update
-    if form not in ("ggl", "symmetric"):
-        raise ModelError(f"form= is 'ggl' or 'symmetric', got {shown(form)}")
-    if update not in ("auto", "bfgs", "broyden"):
-        raise ModelError(f"update= is 'auto', 'bfgs' or 'broyden', got {shown(update)}")
-    return f"{method}/{form}/{update}"
-
-
-def _penalised(method: str, penalty: Any, passes: Any, parameters: Any) -> dict[str, float]:
-    if penalty is None and passes is None:
-        return {}
-    if method != "ali3p":
-        raise ModelError(f'penalty= and passes= belong to method="ali3p", not to {shown(method)}')
-    if parameters is not None:
-        raise ModelError(
-            "sensitivities belong to the limit of many passes; leave out penalty= and passes=, or parameters="
-        )
-    if penalty is None:
-        raise ModelError("passes= belongs to a penalty factor: give penalty=, such as 1e6")
-    return {
-        "penalty": _number("penalty", penalty),
-        "passes": float(count("passes", 1 if passes is None else passes, _MOST_PASSES)),
-    }
-
-
-def _with_sensitivities(method: str) -> str:
-    if method not in ("auto", "explicit", "radau", "ali3p", "generalized-alpha"):
-        raise ModelError(
-            f"method={method!r} has no sensitivities; those that have are method='explicit', 'radau', 'ali3p' and "
-            "'generalized-alpha', or leave parameters= out"
-        )
-    return "ali3p" if method == "auto" else method
-
-
-def _number(name: str, value: Any, *, positive: bool = True) -> float:
-    try:
-        number = float(value)
-    except (TypeError, ValueError):
-        raise ModelError(f"{name}= must be a number, got {shown(value)}") from None
-    if not math.isfinite(number) or (positive and number <= 0.0):
-        raise ModelError(f"{name}= must be a {'positive' if positive else 'finite'} number, got {shown(value)}")
-    return number
-
-
-def _options(t: Any, rtol: Any, step: Any, method: Any, state: State) -> dict[str, Any]:
-    if not isinstance(method, str) or method not in METHODS:
-        raise ModelError(f"method= is one of {', '.join(map(repr, METHODS))}, got {shown(method)}")
-    if rtol is not None and step is not None:
-        raise ModelError("give rtol= (controlled steps) or step= (fixed steps), not both")
-    options: dict[str, Any] = {"method": method, "t": state.t, "memory": state.memory.tolist()}
-    try:
-        times = np.asarray(t, dtype=float)
-    except (TypeError, ValueError):
-        raise ModelError(f"t= must be a number or an array of times, got {shown(t)}") from None
-    if times.ndim > 1 or times.size == 0 or not np.all(np.isfinite(times)):
-        raise ModelError(f"t= must be a finite number or a one-dimensional array of finite times, got {shown(t)}")
-    if times.ndim == 1:
-        if np.any(np.diff(times) <= 0.0):
-            raise ModelError("the times of t= must increase")
-        options["outputs"] = times.tolist()
-    options["end"] = float(times.max())
-    if times.min() < state.t:
-        raise ModelError(f"t={times.min():.9g} s lies before the start at {state.t:.9g} s")
-    if times.ndim == 0 and options["end"] == state.t:
-        raise ModelError(f"t= must lie after the start at {state.t:.9g} s")
-    if step is not None:
-        options["step"] = _number("step", step)
-        if (options["end"] - state.t) / options["step"] > 1e9:
-            raise ModelError(f"step={step} would need more than 1e9 steps")
-    else:
-        options["rtol"] = _number("rtol", 1e-7 if rtol is None else rtol)
-        if not _TIGHTEST <= options["rtol"] <= _LOOSEST:
-            raise ModelError(f"rtol= must lie between {_TIGHTEST} and {_LOOSEST}, got {shown(rtol)}")
-    return options
 
 
 def _run(
@@ -463,6 +348,7 @@ def _trajectory(
         joints=made["joints"],
         steps=made["steps"],
         local_error=made["local_error"],
+        orders=tuple(int(k) for k in made["orders"]),
         method=made["method"],
         message=made["message"],
         snapshot=snapshot,
@@ -518,11 +404,11 @@ def _compared_with(traj: Trajectory, options: dict[str, Any]) -> tuple[dict[str,
     one; methods of order two could not afford it. The whole distance to a looser run counts, which may be as good by chance.
     """
     if "step" in options:
-        return {"step": 2.0 * options["step"]}, 1.0 / (2.0 ** _ORDER[traj.method] - 1.0)
+        return {"step": 2.0 * options["step"]}, 1.0 / (2.0 ** ORDER[traj.method] - 1.0)
     rtol, looser = options["rtol"], {"rtol": min(10.0 * options["rtol"], 1.0)}
-    if traj.method not in _TIGHTENED:
+    if traj.method not in TIGHTENED:
         return looser, 1.0 / 9.0
-    best = _NOISE_WITHOUT_TANGENT if traj.method == "bdf-bfgs" else _TIGHTEST
+    best = _NOISE_WITHOUT_TANGENT if traj.method == "bdf-bfgs" else TIGHTEST
     if rtol / _TIGHTER < best:
         return looser, 1.0
     return {"rtol": rtol / _TIGHTER}, _TIGHTER / (_TIGHTER - 1.0)

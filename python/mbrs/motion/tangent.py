@@ -79,20 +79,20 @@ class Run:
     read: list[bool] = field(default_factory=list)
     # quantities are also wanted at the nodes inside the steps
     inner: bool = False
+    # of the steps of "bdf", as a trajectory has them; none: of fixed steps
+    orders: Sequence[int] = ()
 
     @property
     def nodes(self) -> Nodes:
         """Instants at which quantities are read, with the weights of an integral."""
-        t, dt = self.times, np.diff(self.times)
-        first, last, inside = _core.motion_quadrature(self.scheme)
-        weights = np.zeros(len(t))
-        weights[:-1] += first * dt
-        weights[1:] += last * dt
+        t = self.times
+        with core_errors():
+            found, inside = _core.motion_quadrature(self.snapshot.system, self.scheme, t.tolist(), list(self.orders))
+        weights = np.array(found)
         if not (self.inner and inside):
-            return Nodes(t, len(t), weights)
-        c, b = np.array(inside).T
-        inner = t[:-1, None] + dt[:, None] * c
-        return Nodes(np.concatenate([t, inner.ravel()]), len(t), np.concatenate([weights, (dt[:, None] * b).ravel()]))
+            return Nodes(t, len(t), weights[: len(t)])
+        inner = t[:-1, None] + np.diff(t)[:, None] * np.array(inside)
+        return Nodes(np.concatenate([t, inner.ravel()]), len(t), weights)
 
     def options(self, asked: Sequence[QuantityKey], along: Directions | None) -> dict[str, Any]:
         """Arguments of the core."""
@@ -103,6 +103,7 @@ class Run:
                 pairs.append((along.rows[inside].tolist(), along.values[inside].tolist()))
         return {
             "times": self.times.tolist(),
+            "orders": list(self.orders),
             "memory": self.state.memory.tolist(),
             "scheme": self.scheme,
             "rho": self.rho,

@@ -58,6 +58,9 @@ class Trajectory(AirMotion, Result):
         (n_t, n_tree), (n_t, n_rows): of the tree coordinates, and of the rows of the joints that close loops.
     steps, local_error
         Times of all accepted steps, and the estimated local error of each over its tolerance (empty for fixed steps).
+    orders
+        Of every accepted step of "bdf": 0 of steps by another method, with which fixed ones start, and -1 of one that begins at order
+        one from rates. Zeros for other methods.
     error
         Estimated error: the largest |dx|/(characteristic length) and angle of rotation of any body at up to 50 of the outputs,
         from a second run, tighter where the order of the method is high, else coarser (made when first asked for).
@@ -82,6 +85,7 @@ class Trajectory(AirMotion, Result):
     start: State | None = None
     rho: float | None = None
     wake: Wakes | None = None
+    orders: Sequence[int] = ()
 
     row: ClassVar[str] = "time"
 
@@ -131,15 +135,7 @@ class Trajectory(AirMotion, Result):
 
     def rotation(self, body: BodyLike) -> np.ndarray:
         """(n_t, 3, 3) rotation matrix of a body, body to world."""
-        w, x, y, z = self._quantities["orientation"][:, self._body(body)].T
-        return np.stack(
-            [
-                np.stack([1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)], axis=-1),
-                np.stack([2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)], axis=-1),
-                np.stack([2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)], axis=-1),
-            ],
-            axis=1,
-        )
+        return quaternion_matrix(self._quantities["orientation"][:, self._body(body)])
 
     def point(self, marker: ItemLike | Vector3, *, of: BodyLike | None = None) -> np.ndarray:
         """(n_t, 3) world position of a marker (by name), or of a drawn world point ``marker`` (3,) fixed in body ``of``."""
@@ -276,11 +272,20 @@ class Trajectory(AirMotion, Result):
         if self.start is None or not len(self.parameters):
             raise ModelError(
                 "this motion has no sensitivities; run mb.simulate(..., parameters=['...']) with method='explicit', 'radau', "
-                "'ali3p' or 'generalized-alpha' to get them"
+                "'bdf', 'ali3p' or 'generalized-alpha' to get them"
             )
         self.snapshot.check_current("motion")
         rho = RHO if self.rho is None else self.rho
-        run = Run(self.model, self.snapshot, self.start, self.without, self.steps, scheme=self.method, rho=rho)
+        run = Run(
+            self.model,
+            self.snapshot,
+            self.start,
+            self.without,
+            self.steps,
+            scheme=self.method,
+            rho=rho,
+            orders=self.orders,
+        )
         return quantity_derivative(run, self.parameters, what, self.t)
 
     @property

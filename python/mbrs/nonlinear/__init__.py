@@ -1,1 +1,1 @@
-"""Periodic and quasi-periodic vibration by harmonic balance, with continuation."""
+"""Periodic and quasi-periodic vibration by harmonic balance: continuation, limit cycles, verification in time."""

@@ -177,6 +177,15 @@ def call_core(call: Any, *args: Any, **kwargs: Any) -> Any:
         return call(*args, **kwargs)
 
 
+def path(
+    parameter: str, begin: float, ends: tuple[float, float], towards: np.ndarray | None = None, across: bool = False
+) -> dict[str, Any]:
+    """Parameter, range and first direction of a branch of the core, by name."""
+    start, stop = ends
+    named = {"parameter": parameter, "begin": begin, "start": start, "stop": stop}
+    return {**named, "towards": towards, "across": across}
+
+
 def checked_guess(n: int, x0: Any) -> np.ndarray:
     """Coefficients (n, 2 h + 1) of a first guess: an array, or an earlier result."""
     given = checks.real_array("x0", getattr(x0, "X", x0))

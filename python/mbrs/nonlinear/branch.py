@@ -167,16 +167,10 @@ class Branch(Iterator[BranchPoint]):
             _core.HbmBranch,
             self.setup.core,
             y,
-            [self.omega[0]],
-            self.level[0],
-            self.parameter,
-            begin,
-            a,
-            b,
-            towards=towards,
-            across=across,
-            model=self._model,
-            **steps.core,
+            ([self.omega[0]], self.level[0]),
+            balance.path(self.parameter, begin, (a, b), towards, across),
+            steps.core,
+            self._model,
         )
 
     @property
@@ -530,7 +524,7 @@ class Branch(Iterator[BranchPoint]):
         for setup, part in self.chunks.parts:
             if i < len(part["p"]):
                 omega, level, value = self._where(float(part["p"][i]))
-                exponents = part["exponents"][i] if "exponents" in part else None
+                exponents = None if part["exponents"] is None else part["exponents"][i]
                 X = setup.expand(part["y"][i], omega, level, value)
                 return BranchPoint(
                     omega,

@@ -102,7 +102,7 @@ class Chunks:
     def exponents(self) -> np.ndarray | None:
         """(n, 2 dof) where every point has them; nan fills up where reduced models have fewer."""
         parts = [part for _, part in self.parts if len(part["p"])]
-        known = [part["exponents"] for part in parts if "exponents" in part]
+        known = [part["exponents"] for part in parts if part["exponents"] is not None]
         if not known or len(known) < len(parts):
             return None
         return filled_up([row for part in known for row in part])

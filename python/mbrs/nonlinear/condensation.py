@@ -96,7 +96,7 @@ def _full(system: Any, directions: tuple[np.ndarray, ...], forces: np.ndarray, n
             f"{system.n} coordinates with {n_c} coefficients are {system.n * n_c} unknowns in dense matrices; "
             "condense (condense=True, elements on few coordinates) or take fewer harmonics"
         )
-    return Linear(_core.HbmLinear.full(*dense(system), forces), "full", directions)
+    return Linear(_core.HbmLinear.full(system.core, forces), "full", directions)
 
 
 def _leading_coordinates(system: Any, directions: tuple[np.ndarray, ...], forces: np.ndarray, rank: int) -> Linear:

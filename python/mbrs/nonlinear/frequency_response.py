@@ -124,51 +124,46 @@ def _points(system: Any, options: BranchOptions) -> FrequencyResponse:
     scaled = balance.scaled_force(force, balance.checked_level(level))
     of_each = {name: given[name] for name in ("n_samples", "subharmonic", "condense", "tol", "harmonics")}
     fourier, subharmonic = Fourier(**of_each), given["subharmonic"]
-    parts: list[Any] = []
-    errors: list[float] = []
-    stable: list[float] = []
-    exponents: list[Any] = []
-    status, guess, corrections = "converged", given["x0"], 0
+    found: list[tuple[Part, float, Any, int]] = []
+    status, guess = "converged", given["x0"]
     try:
-        for one_omega in w:
+        for one_omega in map(float, w):
             try:
-                one = harmonic_balance(system, force=scaled, omega=float(one_omega), x0=guess, **of_each)
+                one = harmonic_balance(system, force=scaled, omega=one_omega, x0=guess, **of_each)
             except ConvergenceError as problem:
-                if not parts:
+                if not found:
                     raise
                 status = f"stopped: {problem}"
                 break
-            taken = fourier.but(harmonics=one.harmonics, n_samples=one.n_samples)
-            setup = balance.prepare(system, scaled, taken, float(one_omega))
+            setup = balance.prepare(
+                system, scaled, fourier.but(harmonics=one.harmonics, n_samples=one.n_samples), one_omega
+            )
             y = setup.start(one)
-            s = setup.exponents(y, float(one_omega)) if stability else None
             # the forces of this set are scaled already
-            parts.append(Part(setup, np.array([one_omega]), np.ones(1), y[None, :]))
-            errors.append(one.error)
-            exponents.append(s)
-            stable.append(np.nan if s is None else float(np.all(s.real <= 1e-9 * one_omega / subharmonic)))
-            corrections += one.stats.counts["evaluations"]
-            status = one.status if status == "converged" else status
-            guess = one
+            part = Part(setup, np.array([one_omega]), np.ones(1), y[None, :])
+            s = setup.exponents(y, one_omega) if stability else None
+            found.append((part, one.error, s, one.stats.counts["evaluations"]))
+            status, guess = one.status if status == "converged" else status, one
     except KeyboardInterrupt:
-        if not stable:
+        if not found:
             raise Interrupted("a set of frequencies was interrupted before its first solution") from None
         status = "interrupted"
-        del parts[len(stable) :], errors[len(stable) :], exponents[len(stable) :]
-    n = len(parts)
-    found = FrequencyResponse(
+    parts, errors, exponents, evaluations = zip(*found, strict=True)
+    n, borders = len(found), 1e-9 * w[: len(found)] / subharmonic
+    stable = [np.nan if s is None else float(np.all(s.real <= b)) for s, b in zip(exponents, borders, strict=True)]
+    made = FrequencyResponse(
         np.asarray(w[:n]),
         np.full(n, float(level)),
         known_stability(np.array(stable), stability),
-        None if any(s is None for s in exponents) else filled_up(exponents),
+        None if any(s is None for s in exponents) else filled_up(list(exponents)),
         (),
-        tuple(parts),
+        parts,
         system,
         force,
         over="frequency" if given["omega"] is None else "omega",
         stats=Stats(
             perf_counter() - started,
-            {"points": n, "corrections": corrections, "single solutions": n},
+            {"points": n, "corrections": sum(evaluations), "single solutions": n},
             effects_of(system),
             parts[-1].setup.route,
         ),
@@ -176,5 +171,5 @@ def _points(system: Any, options: BranchOptions) -> FrequencyResponse:
         status=status,
     )
     if status == "interrupted":
-        raise Interrupted(f"a set of {len(w)} frequencies was interrupted after {n} of them", found)
-    return found
+        raise Interrupted(f"a set of {len(w)} frequencies was interrupted after {n} of them", made)
+    return made

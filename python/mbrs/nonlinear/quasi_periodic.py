@@ -383,32 +383,12 @@ class Torus:
                 f"{p} frequencies in combinations up to the order {top} are too many; take fewer of them or a lower order"
             )
         self._refuse_periodic(top)
-        extra = diamond(p, top + 2)
         kept = {tuple(k) for k in self.indices.tolist()}
-        extra = np.array([k for k in extra.tolist() if tuple(k) not in kept]).reshape(-1, p)
-        self.dims = _samples(fourier.n_samples, laws, self.indices)
-        if least_samples is not None:
-            self.dims = [max(n, least) for n, least in zip(self.dims, least_samples, strict=True)]
-        fine = [
-            max(a, b) for a, b in zip(self.dims, _samples(None, laws, np.vstack([self.indices, extra])), strict=True)
-        ]
-        if any(not law.kind.polynomial for law in laws):
-            fine = [max(n, 3 * own // 2) for n, own in zip(fine, self.dims, strict=True)]  # to see the aliasing
-        if np.prod([float(n) for n in fine]) > MOST_SAMPLES:
-            raise ModelError(
-                f"{' x '.join(str(n) for n in fine)} samples are too many; give fewer (n_samples=), or take fewer harmonics"
-            )
-        terms = np.zeros((len(self.indices) + 1, system.n), complex)
-        if static is not None:
-            terms[0] = balance.force_vector(system.n, static, 0)
-        for i, vector in enumerate(vectors):
-            at = np.flatnonzero(np.all(self.indices == np.eye(p, dtype=int)[i], axis=1))
-            if len(at) == 0:
-                raise ModelError(f"indices lack the term of forces[{i}] itself, {np.eye(p, dtype=int)[i].tolist()}")
-            terms[1 + at[0]] = vector
+        extra = np.array([k for k in diamond(p, top + 2).tolist() if tuple(k) not in kept]).reshape(-1, p)
+        self.dims, fine = self._samples(laws, extra, least_samples)
+        self.terms, self.turn = self._terms(system.n, vectors), turn
         n_c = 2 * len(self.indices) + 1
-        self.terms, self.turn = terms, turn
-        self.linear = condensation.linear_part(system, laws, terms, n_c, fourier.condense, turn)
+        self.linear = condensation.linear_part(system, laws, self.terms, n_c, fourier.condense, turn)
         if self.linear.core.size * n_c > MOST_UNKNOWNS:
             raise ModelError(
                 f"{self.linear.core.size * n_c} unknowns are too many; take fewer harmonics or coordinates"
@@ -426,6 +406,32 @@ class Torus:
             extra.tolist(),
             fine,
         )
+
+    def _samples(self, laws: Any, extra: np.ndarray, least: list[int] | None) -> tuple[list[int], list[int]]:
+        """Samples per phase of the terms, and of the finer grid on which the terms beyond them are estimated."""
+        dims = _samples(self.fourier.n_samples, laws, self.indices)
+        if least is not None:
+            dims = [max(n, m) for n, m in zip(dims, least, strict=True)]
+        fine = [max(a, b) for a, b in zip(dims, _samples(None, laws, np.vstack([self.indices, extra])), strict=True)]
+        if any(not law.kind.polynomial for law in laws):
+            fine = [max(n, 3 * own // 2) for n, own in zip(fine, dims, strict=True)]  # to see the aliasing
+        if np.prod([float(n) for n in fine]) > MOST_SAMPLES:
+            raise ModelError(
+                f"{' x '.join(str(n) for n in fine)} samples are too many; give fewer (n_samples=), or take fewer harmonics"
+            )
+        return dims, fine
+
+    def _terms(self, n: int, vectors: Sequence[np.ndarray]) -> np.ndarray:
+        """Complex forces of the terms, the constant first."""
+        terms = np.zeros((len(self.indices) + 1, n), complex)
+        if self.static is not None:
+            terms[0] = balance.force_vector(n, self.static, 0)
+        for i, (vector, unit) in enumerate(zip(vectors, np.eye(len(self.omega), dtype=int), strict=True)):
+            at = np.flatnonzero(np.all(self.indices == unit, axis=1))
+            if len(at) == 0:
+                raise ModelError(f"indices lack the term of forces[{i}] itself, {unit.tolist()}")
+            terms[1 + at[0]] = vector
+        return terms
 
     def finer(self, answer: Mapping[str, Any]) -> Torus | None:
         """The same with twice the samples per dimension, where they are what limits an answer."""

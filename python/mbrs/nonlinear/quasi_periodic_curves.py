@@ -307,13 +307,9 @@ def _followed(problem: Torus, way: _Way, x0: Any, steps: Continuation, most: int
         _core.HbmBranch,
         problem.core,
         problem.start(x0),
-        (problem.omega * way.scale).tolist(),
-        way.level,
-        way.name,
-        a,
-        a,
-        b,
-        **steps.core,
+        ((problem.omega * way.scale).tolist(), way.level),
+        balance.path(way.name, a, (a, b)),
+        steps.core,
     )
     parts: list[dict[str, Any]] = []
     n = 0

@@ -107,6 +107,7 @@ def nonlinear_system(m: Model, *, at: StateLike = None, without: Sequence[str] =
         elements += _function_elements(lin, function)
     system = NonlinearSystem(lin.M, lin.C, lin.K, G=lin.G, N=lin.N, elements=elements, coordinates=lin.coordinates)
     system.linearization = lin
+    system.core = lin.core
     return system
 
 

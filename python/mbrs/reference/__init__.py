@@ -10,9 +10,9 @@ any analysis. `hbm_balance` and `hbm_shooting` know matrices and laws only.
 
 from .assembly import assemble
 from .dynamics import reactions
-from .equilibrium import equilibrium
+from .equilibrium import equilibrium, steady_motion
 from .frf import frf, frf_derivative, motion_rows
-from .kinematics import State, System, advance, drawn_state, from_poses
+from .kinematics import State, System, advance, drawn_state
 from .linearize import Linearization, linearize
 from .modal import Modes, modes
 from .motion import Motion, law_rows
@@ -27,7 +27,6 @@ from .sensitivity import (
     shape_derivative,
 )
 from .simulate import History, Instant, begin, simulate
-from .steady import steady_motion
 
 __all__ = [
     "Derivative",
@@ -48,7 +47,6 @@ __all__ = [
     "frequency_derivative",
     "frf",
     "frf_derivative",
-    "from_poses",
     "group_matrix",
     "law_rows",
     "linearize",

@@ -179,12 +179,20 @@ def _free_turn(t: TreeJoint, R: Array) -> Array:
     return turn if t.sign > 0 else turn.T
 
 
-def close_loops(sys: System, state: State, tolerance: float = 1e-13, fixed: Sequence[int] | Array = ()) -> State:
-    """Newton on the cut rows; the tree coordinates in ``fixed`` get no increments."""
+def close_loops(
+    sys: System,
+    state: State,
+    tolerance: float = 1e-13,
+    fixed: Sequence[int] | Array = (),
+    ways: Callable[[State], Array] | None = None,
+) -> State:
+    """Newton on the cut rows; the tree coordinates in ``fixed`` get no increments. Steps are the shortest in (length / L_c, angle),
+    or over the columns (ny, n) of ``ways``.
+    """
     if not any(jt.position_rows(link) for link in sys.cut):
         return state
     row_scale, column_scale = scales(sys, velocity=False)
-    movable = np.setdiff1d(np.arange(sys.ny), np.asarray(fixed, dtype=int))
+    basis = np.delete(np.diag(column_scale), np.asarray(fixed, dtype=int), axis=1)
     gap, imaginary = np.inf, np.inf
     for _ in range(60):
         phi = row_scale * constraint_values(sys, state, sys.cut)
@@ -193,10 +201,9 @@ def close_loops(sys: System, state: State, tolerance: float = 1e-13, fixed: Sequ
         if done and (change == 0 or change >= 0.5 * imaginary):
             return state
         imaginary = change if done else np.inf
-        J = (row_scale[:, None] * jacobian(sys, state, velocity=False) * column_scale).real[:, movable]
-        y = np.zeros(sys.ny, dtype=phi.dtype)
-        y[movable] = column_scale[movable] * minimum_norm(J, -phi)
-        state = advance(sys, state, y)
+        basis = basis if ways is None else ways(state)
+        J = row_scale[:, None] * jacobian(sys, state, velocity=False).real
+        state = advance(sys, state, basis @ minimum_norm(J @ basis, -phi))
     raise AssemblyError(
         f"the loops do not close: gap {gap:.3g} (in units of {sys.length:.3g} m); check the joints' points"
     )

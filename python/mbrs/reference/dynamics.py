@@ -190,12 +190,6 @@ def applied_residual(
     return (f if "centrifugal" in without else f + inertia(sys, now)).value[0]
 
 
-def mass(sys: System, state: State, T: Array) -> Array:
-    """T^T M T."""
-    pushed = inertia(sys, moving(state, np.zeros(len(T)), rate=T.T))
-    return T.T @ pushed.derivative_along(T.shape[1])[:, 0].T
-
-
 def reactions(sys: System, state: State, lam: Array) -> dict[str, Array]:
     """Constraint wrench of every joint on its second body at the second body's marker, world axes, (6,) by name."""
     out = {link.name: np.zeros(6, dtype=lam.dtype) for link in sys.joints}

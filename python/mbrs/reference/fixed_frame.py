@@ -19,34 +19,22 @@ import numpy as np
 
 from . import dynamics as dyn
 from .assembly import assemble, partition, twist_map
+from .equilibrium import turning
 from .kinematics import State, System, advance, drawn_state, motion, moving
 from .linearize import linearize
 from .so3 import Array
-from .steady import turning
 
 
 @dataclass
 class FixedFrame:
-    """A rotor in fixed axes: ``M``, ``D``, ``S`` (n, n) over z, ``names`` of z, roots and right shapes in state form."""
+    """A rotor in fixed axes: ``M``, ``D``, ``S`` (n, n) over z, roots and right shapes in state form."""
 
-    names: list[str]
     M: Array
     D: Array
     S: Array
     eigenvalue: Array
     shape: Array
     periodic: float  # how far the matrices are from constant, relative
-
-
-@dataclass
-class Superposition:
-    """``t`` (n,), ``y`` (n, dof) increments in turning axes with their names, ``z`` (n, dof) in fixed axes."""
-
-    t: Array
-    names: list[str]
-    y: Array
-    fixed: FixedFrame
-    z: Array
 
 
 class Rotor:
@@ -107,14 +95,7 @@ class Rotor:
         A = np.block([[np.zeros((n, n)), np.eye(n)], [-np.linalg.solve(M, S), -np.linalg.solve(M, D)]])
         s, phi = np.linalg.eig(A)
         order = np.argsort(np.abs(s), kind="stable")
-        return FixedFrame(self._fixed_names(), M, D, S, s[order], phi[:, order], float(varies))
-
-    def _fixed_names(self) -> list[str]:
-        out = list(self.names)
-        for k, places in enumerate(self.blades):
-            for place, kind in zip(places, ("collective", "cosine", "sine"), strict=True):
-                out[place] = f"q{k + 1} {kind}"
-        return out
+        return FixedFrame(M, D, S, s[order], phi[:, order], float(varies))
 
     def load(self, t: float) -> Array:
         """f(t) of weight and applied loads on the undeformed rotor, turned to where it is then."""
@@ -126,39 +107,17 @@ class Rotor:
         weight = dyn.loads(sys, moving(there, np.zeros(6 * sys.nb))).value[0]
         return (T.T @ weight)[self.kept] - self.inertia
 
-    def superposed(self, t: Array, modes: int | None = None) -> Superposition:
-        """The motion from rest in the turning frame, over the ``modes`` lowest pairs of roots (all by default).
+    def superposed(self, t: Array) -> Array:
+        """The motion (n_t, dof) in turning axes, from rest there, over all modes in fixed axes.
 
         c' = s c + g with g linear between the times is integrated exactly.
         """
-        fixed = self.fixed()
-        n = len(self.names)
-        kept = slice(None) if modes is None else slice(0, 2 * modes)
-        s, right = fixed.eigenvalue[kept], fixed.shape[:, kept]
-        left = np.linalg.inv(fixed.shape)[kept]
-        g = np.array([left[:, n:] @ np.linalg.solve(fixed.M, self.transformation(v)[0].T @ self.load(v)) for v in t])
+        fixed, n = self.fixed(), len(self.names)
+        s, right, left = fixed.eigenvalue, fixed.shape[:n], np.linalg.inv(fixed.shape)[:, n:]
+        turns = [self.transformation(v)[0] for v in t]
+        g = np.array([left @ np.linalg.solve(fixed.M, T.T @ self.load(v)) for T, v in zip(turns, t, strict=True)])
         c = np.zeros((len(t), len(s)), dtype=complex)
         for i, h in enumerate(np.diff(t)):
             e = np.exp(s * h)
-            first = (e - 1) / s
-            second = (e - 1 - s * h) / s**2
-            c[i + 1] = e * c[i] + first * g[i] + second * (g[i + 1] - g[i]) / h
-        z = (c @ right[:n].T).real
-        y = np.array([self.transformation(v)[0] @ row for v, row in zip(t, z, strict=True)])
-        return Superposition(np.asarray(t), self.names, y, fixed, z)
-
-
-def symmetric_and_antisymmetric(rotor: Rotor) -> list[tuple[float, str, float]]:
-    """Hz, family and its share of the blades' motion for every pair of roots in fixed axes, ascending: "collective" or
-    "whirl" (cosine and sine).
-    """
-    fixed, out = rotor.fixed(), []
-    for s, phi in zip(fixed.eigenvalue, fixed.shape.T, strict=True):
-        if s.imag <= 0:
-            continue
-        power = np.abs(phi[rotor.blades]) ** 2  # (m, 3)
-        alone = power[:, 0].sum() / max(power.sum(), 1e-300)
-        out.append(
-            (float(s.imag / (2 * np.pi)), "collective" if alone > 0.5 else "whirl", float(max(alone, 1 - alone)))
-        )
-    return sorted(out)
+            c[i + 1] = e * c[i] + (e - 1) / s * g[i] + (e - 1 - s * h) / s**2 * (g[i + 1] - g[i]) / h
+        return np.array([T @ (right @ modal).real for T, modal in zip(turns, c, strict=True)])

@@ -24,7 +24,7 @@ import numpy as np
 
 from . import so3
 from .jets import Jet, cross, jet, product
-from .reader import Body, Link, Marker
+from .reader import Body, Link, Marker, entries
 from .so3 import Array
 
 _EMPTY = 1e-16
@@ -96,7 +96,7 @@ def frames_named(t: Mapping[str, Any]) -> Mapping[str, Any]:
 def read_flexible(t: Mapping[str, Any], x: Array, bodies: list[Body]) -> list[Flexible]:
     """The flexible bodies; their nodes and carriers are added to the bodies, their frames lose the rigid inertia."""
     n, moving, out = len(bodies), list(t.get("moving_node", ())), []
-    for index, m, i in zip(*(t.get(f"flexible_{k}", ()) for k in ("body", "modes", "x")), strict=True):
+    for index, m, i in entries(t, "flexible", "body modes x"):
         nodes = [n + j for j, node in enumerate(moving) if t["flexible_node_body"][node] == index]
         sizes = np.cumsum([0, 3 * m, 9 * m, 9 * m * m, m * m, m * m, 12 * m * m])
         S, P1, P2, K, C, KG = (x[i + a : i + b] for a, b in itertools.pairwise(sizes))

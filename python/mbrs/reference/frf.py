@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -34,21 +35,11 @@ def frf(M: Any, D: Any, S: Any, F: Any, L: Any, omega: Any, kind: str = "recepta
     return np.moveaxis(np.array(out), 0, -1)
 
 
-def frf_derivative(
-    M: Any,
-    D: Any,
-    S: Any,
-    F: Any,
-    L: Any,
-    omega: Any,
-    dM: Any,
-    dD: Any,
-    dS: Any,
-    dF: Any,
-    dL: Any,
-    kind: str = "receptance",
-) -> Array:
-    """dH = dL X + L Z^-1 (dF - dZ X), X = Z^-1 F (docs/theory.md (9.8)); the maps depend on geometry too."""
+def frf_derivative(matrices: Sequence[Array], changes: Sequence[Array], omega: Any, kind: str = "receptance") -> Array:
+    """dH = dL X + L Z^-1 (dF - dZ X), X = Z^-1 F (docs/theory.md (9.8)), of M, D, S, F, L and their derivatives; the maps depend on
+    geometry too.
+    """
+    (M, D, S, F, L), (dM, dD, dS, dF, dL) = matrices, changes
     p, out = POWER[kind], []
     for o in np.atleast_1d(np.asarray(omega)):
         Z, dZ = S - o * o * M + 1j * o * D, dS - o * o * dM + 1j * o * dD

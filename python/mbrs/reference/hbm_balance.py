@@ -122,13 +122,16 @@ def residual(
     return balanced(system, y, f, (h * omega, h), evaluation(harmonics, n_samples), subharmonic * phases(n_samples))
 
 
-def _newton(equations: Callable[[Array], tuple[Array, Array]], y: Array, tolerance: float) -> Array:
+def newton(
+    equations: Callable[[Array], tuple[Array, Array]], y: Array, tolerance: float, size: float = 0.0
+) -> tuple[Array, Array]:
+    """The root of residual and slope from y, and the last slope; steps end below the tolerance times the larger of |y| and size."""
     for _ in range(100):
         R, J = equations(y)
         step = np.linalg.solve(J, -R)
         y = y + step
-        if np.max(np.abs(step)) <= tolerance * max(np.max(np.abs(y)), 1e-300):
-            return y
+        if np.max(np.abs(step)) <= tolerance * max(np.max(np.abs(y)), size, 1e-300):
+            return y, J
     raise ConvergenceError("Newton's method did not converge within 100 steps; begin nearer to the solution")
 
 
@@ -145,7 +148,7 @@ def harmonic_balance(
     """Coefficients (dof, 2H+1) by plain Newton iterations from X."""
     n_c = 2 * len(harmonics) + 1
     y = np.zeros(n_c * system.n) if X is None else np.asarray(X, float).T.ravel()
-    y = _newton(lambda y: residual(system, y, force, omega, harmonics, n_samples, subharmonic)[:2], y, tolerance)
+    y, _ = newton(lambda y: residual(system, y, force, omega, harmonics, n_samples, subharmonic)[:2], y, tolerance)
     return y.reshape(n_c, system.n).T
 
 
@@ -160,7 +163,7 @@ def limit_cycle(
         R, J, R_omega = residual(system, z[:-1], force, z[-1], harmonics, n_samples)
         return np.append(R, flow @ (z[:-1] - start)), np.block([[J, R_omega[:, None]], [flow, 0.0]])
 
-    z = _newton(equations, np.append(start, omega), tolerance)
+    z, _ = newton(equations, np.append(start, omega), tolerance)
     return z[:-1].reshape(-1, system.n).T, float(z[-1])
 
 
@@ -176,5 +179,5 @@ def quasi_periodic(
     """Coefficients (dof, 2 n_k + 1) on the torus by Newton's method from X; ``terms`` (n_k + 1, n) are complex forces."""
     w = indices @ omega
     gamma, phase, f = evaluation(indices, n_samples), phases(n_samples), coefficients(terms)
-    y = _newton(lambda y: balanced(system, y, f, (w, 0 * w), gamma, phase)[:2], X.T.ravel(), tolerance)
+    y, _ = newton(lambda y: balanced(system, y, f, (w, 0 * w), gamma, phase)[:2], X.T.ravel(), tolerance)
     return y.reshape(-1, system.n).T

@@ -1,4 +1,4 @@
-"""Shooting with the monodromy matrix by SciPy's integrator: an oracle that shares nothing with harmonic balance."""
+"""Shooting with the monodromy matrix by SciPy's integrator: an oracle that shares no discretisation with harmonic balance."""
 
 from __future__ import annotations
 
@@ -9,65 +9,59 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from . import hbm_balance
+from .so3 import Array
+
+
+def rates(system: Any, force: Any, omega: float, t: float, state: Array, phi: Array) -> tuple[Array, Array]:
+    """Rates of the state [x, x'] (2n,) and of its derivative phi (2n, 2n) by the initial state."""
+    M, C, K = hbm_balance.dense(system)
+    (x, v), (dx, dv) = np.split(state, 2), np.split(phi, 2)
+    terms = (force if isinstance(force, Mapping) else {1: force}).items()
+    f = sum(((np.asarray(a, complex) * np.exp(1j * h * omega * t)).real for h, a in terms), np.zeros(system.n))
+    f, df = f - K @ x - C @ v, -K @ dx - C @ dv
+    for law in system.elements:
+        u, rate, phase = (np.array([a]) for a in (law.w @ x, law.w @ v, omega * t))
+        value, f_u, f_v = (a[0] for a in hbm_balance.sampled(law, u, rate, phase))
+        f, df = f - law.w * value, df - np.outer(law.w, f_u * (law.w @ dx) + f_v * (law.w @ dv))
+    return np.concatenate([v, np.linalg.solve(M, f)]), np.concatenate([dv, np.linalg.solve(M, df)])
 
 
 def flow(
-    system: Any, force: Any, omega: float, state: np.ndarray, period: float, rtol: float = 1e-12
-) -> tuple[np.ndarray, np.ndarray]:
+    system: Any, force: Any, omega: float, state: Array, period: float, rtol: float = 1e-12
+) -> tuple[Array, Array]:
     """State [x, x'] after one period and its derivative by the initial state."""
-    M, C, K = hbm_balance.dense(system)
-    n, inverse = system.n, np.linalg.inv(M)
-    terms = [(h, np.asarray(f, complex)) for h, f in (force if isinstance(force, Mapping) else {1: force}).items()]
+    n = len(state)
 
-    def rate(t: float, s: np.ndarray) -> np.ndarray:
-        x, v, phi = s[:n], s[n : 2 * n], s[2 * n :].reshape(2 * n, 2 * n)
-        f = sum(((a * np.exp(1j * h * omega * t)).real for h, a in terms), np.zeros(n))
-        stiffness, damping = K.copy(), C.copy()
-        f = f - K @ x - C @ v
-        for law in system.elements:
-            w = law.w
-            value, f_u, f_v = (
-                a[0] for a in hbm_balance.sampled(law, np.array([w @ x]), np.array([w @ v]), np.array([omega * t]))
-            )
-            f = f - w * value
-            stiffness += f_u * np.outer(w, w)
-            damping += f_v * np.outer(w, w)
-        d_phi = np.vstack([phi[n:], -inverse @ (stiffness @ phi[:n] + damping @ phi[n:])])
-        return np.concatenate([v, inverse @ f, d_phi.ravel()])
+    def slope(t: float, z: Array) -> Array:
+        return np.concatenate([a.ravel() for a in rates(system, force, omega, t, z[:n], z[n:].reshape(n, n))])
 
-    start = np.concatenate([state, np.eye(2 * n).ravel()])
-    motion = solve_ivp(rate, (0, period), start, method="DOP853", rtol=rtol, atol=1e-14)
-    end = motion.y[:, -1]
-    return end[: 2 * n], end[2 * n :].reshape(2 * n, 2 * n)
+    start = np.concatenate([state, np.eye(n).ravel()])
+    end = solve_ivp(slope, (0, period), start, method="DOP853", rtol=rtol, atol=1e-14).y[:, -1]
+    return end[:n], end[n:].reshape(n, n)
 
 
 def shoot(
-    system: Any, force: Any, omega: float, state: np.ndarray, periods: int = 1, tolerance: float = 1e-11
-) -> tuple[np.ndarray, np.ndarray]:
+    system: Any, force: Any, omega: float, state: Array, periods: int = 1, tolerance: float = 1e-11
+) -> tuple[Array, Array]:
     """Initial state of a periodic motion and its monodromy matrix, by Newton's method from ``state``."""
-    period = 2 * np.pi * periods / omega
-    for _ in range(30):
-        end, phi = flow(system, force, omega, state, period)
-        step = np.linalg.solve(phi - np.eye(len(state)), state - end)
-        state = state + step
-        if np.max(np.abs(step)) < tolerance * max(1.0, np.max(np.abs(state))):
-            return state, phi
-    raise RuntimeError("shooting did not converge")
+    eye = np.eye(len(state))
+
+    def equations(s: Array) -> tuple[Array, Array]:
+        end, phi = flow(system, force, omega, s, 2 * np.pi * periods / omega)
+        return end - s, phi - eye
+
+    state, J = hbm_balance.newton(equations, state, tolerance, size=1.0)
+    return state, J + eye
 
 
-def cycle(
-    system: Any, force: Any, state: np.ndarray, period: float, tolerance: float = 1e-12
-) -> tuple[np.ndarray, float, np.ndarray]:
+def cycle(system: Any, force: Any, state: Array, period: float, tolerance: float = 1e-12) -> tuple[Array, float, Array]:
     """Initial state, period and monodromy matrix of a limit cycle; the initial state moves orthogonally to the flow."""
-    h = 1e-6
-    for _ in range(40):
-        end, phi = flow(system, force, 1.0, state, period)
-        later, _ = flow(system, force, 1.0, end, h * period)
-        earlier, _ = flow(system, force, 1.0, end, -h * period)
-        speed = (later - earlier) / (2 * h * period)
-        A = np.block([[phi - np.eye(len(state)), speed[:, None]], [speed[None, :], np.zeros((1, 1))]])
-        step = np.linalg.solve(A, np.append(state - end, 0.0))
-        state, period = state + step[:-1], period + step[-1]
-        if np.max(np.abs(step)) < tolerance * max(1.0, np.max(np.abs(state))):
-            return state, period, phi
-    raise RuntimeError("shooting did not converge")
+    eye = np.eye(len(state))
+
+    def equations(z: Array) -> tuple[Array, Array]:
+        end, phi = flow(system, force, 1.0, z[:-1], z[-1])
+        speed = rates(system, force, 1.0, z[-1], end, eye)[0]
+        return np.append(end - z[:-1], 0.0), np.block([[phi - eye, speed[:, None]], [speed, 0.0]])
+
+    z, J = hbm_balance.newton(equations, np.append(state, period), tolerance, size=1.0)
+    return z[:-1], float(z[-1]), J[:-1, :-1] + eye

@@ -147,18 +147,6 @@ def first_guess(sys: System) -> State:
     return state
 
 
-def from_poses(
-    sys: System, position: Array, quaternion: Array, v: Array | None = None, w: Array | None = None
-) -> State:
-    """A state from centres of mass (nb, 3), quaternions (nb, 4) and velocities of the centres of mass and of
-    rotation (nb, 3), world.
-    """
-    position = np.asarray(position)
-    zero = np.zeros_like(position)
-    R = np.array([so3.from_quaternion(np.asarray(q)) for q in quaternion])
-    return State(position, R, zero if v is None else np.asarray(v), zero if w is None else np.asarray(w))
-
-
 Motion = list[jt.Vectors]
 GROUND_MOTION = (jet(np.zeros((1, 3))), jet(np.eye(3)))
 
@@ -264,8 +252,7 @@ def tree_twists(sys: System, bodies: Motion) -> list[jt.Vectors]:
             continue
         trans, rot = twists[t.inner]
         centre, R = bodies[t.outer]
-        m = t.link.b if t.sign > 0 else t.link.a
-        arm = -(m.s[None, :] @ R.T)
+        arm = -(t.markers[1].s[None, :] @ R.T)
         trans = trans + cross(rot, centre - bodies[t.inner][0])
         for i, row in enumerate(t.coordinates):
             select, axis = one[:, t.start + i, None], _axis(t, bodies, row)
@@ -349,7 +336,7 @@ def _pose(body: int, r: Array, R: Array) -> tuple[Array, Array]:
 
 def relative_pose(t: TreeJoint, r: Array, R: Array) -> tuple[Array, Array]:
     """The outer marker seen from the inner one: displacement in the inner axes and rotation matrix."""
-    inner, outer = (t.link.a, t.link.b) if t.sign > 0 else (t.link.b, t.link.a)
+    inner, outer = t.markers
     (ci, Ri), (co, Ro) = _pose(inner.body, r, R), _pose(outer.body, r, R)
     frame = Ri @ inner.F
     return frame.T @ (co + Ro @ outer.s - ci - Ri @ inner.s), frame.T @ Ro @ outer.F
@@ -357,7 +344,7 @@ def relative_pose(t: TreeJoint, r: Array, R: Array) -> tuple[Array, Array]:
 
 def place_outer(t: TreeJoint, r: Array, R: Array, u: Array, turn: Array) -> None:
     """Write into r, R the pose of the outer body whose marker is at (u, turn) in the inner marker's frame."""
-    inner, outer = (t.link.a, t.link.b) if t.sign > 0 else (t.link.b, t.link.a)
+    inner, outer = t.markers
     ci, Ri = _pose(inner.body, r, R)
     frame = Ri @ inner.F
     R[t.outer] = frame @ turn @ outer.F.T

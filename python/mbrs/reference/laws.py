@@ -14,6 +14,7 @@ import numpy as np
 
 from ..errors import ModelError
 from .joints import angle_places
+from .reader import entries
 from .so3 import Array
 
 CUBIC, POLYNOMIAL, POLYNOMIAL_RATE, GAP, GAP_BOTH, COULOMB, HERTZ, TABLE, VAN_DER_POL, JENKINS, IWAN, VARYING = range(
@@ -125,11 +126,10 @@ def _sliders(p: Array, u: Any, z: Any) -> Answer:
 def attach(t: Mapping[str, Any], x: Array, elements: list[Any], joints: list[Any]) -> int:
     """Give every link its laws; memory is numbered element by element, then joint by joint, that of
     their angles after that of all laws. Returns its size."""
-    for kind, owner in zip(t.get("function_owner_kind", ()), t.get("function_owner", ()), strict=True):
+    for kind, owner in entries(t, "function", "owner_kind owner"):
         name = (elements, joints)[int(kind)][int(owner)].name
         raise ModelError(f"mbrs.reference has no laws given as functions, as on {name!r}")
-    keys = ("owner_kind", "owner", "component", "type", "n", "x")
-    rows = list(zip(*(t.get(f"law_{k}", ()) for k in keys), strict=True))
+    rows = list(entries(t, "law", "owner_kind owner component type n x"))
     n_memory = 0
     for kind, links in enumerate((elements, joints)):
         for index, link in enumerate(links):

@@ -39,12 +39,6 @@ def orthogonal(A: Array) -> tuple[Array, Array]:
     return Q, R
 
 
-def least_squares(A: Array, b: Array) -> Array:
-    """argmin |A x - b| for full column rank."""
-    Q, R = orthogonal(A)
-    return np.linalg.solve(R, Q.T @ b)
-
-
 def minimum_norm(A: Array, b: Array, tolerance: float = RANK_TOLERANCE) -> Array:
     """The least-norm one of the least-squares solutions of A x = b, A of any rank: A = L X with L of full column rank.
 

@@ -17,7 +17,7 @@ from . import dynamics as dyn
 from . import joints as jt
 from .assembly import Partition, partition, twist_map
 from .kinematics import Moving, State, System, motion, moving, split, twists_of
-from .linear import least_squares, minimum_norm
+from .linear import minimum_norm
 from .so3 import Array, skew
 
 
@@ -73,7 +73,7 @@ def nominal_motion(sys: System, state: State, part: Partition) -> Nominal:
     if not np.any(v != 0):
         zero = np.zeros_like(T)
         return Nominal(state, T, zero, zero, np.zeros(T.shape[1], dtype=T.dtype), np.zeros(T.shape[0], dtype=T.dtype))
-    rates = least_squares(T, v)
+    rates = minimum_norm(T, v)
     state = replace(state, v=split(T @ rates)[0], w=split(T @ rates)[1])
     dT = twist_map(sys, motion(state, (state.v, state.w)), part).derivative(1)
     a = dT @ rates

@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -14,7 +14,7 @@ from ..errors import ModelError
 from . import so3
 from .rows import FREE
 from .so3 import Array
-from .time_functions import TimeFunction, read_motions
+from .time_functions import FUNCTION, TimeFunction, time_function
 
 JOINTS = ["fixed", "revolute", "prismatic", "cylindrical", "universal", "spherical", "planar", "free"]
 JOINTS += ["distance", "knife_edge", "rolling_disc", "screw", "point_on_line"]
@@ -99,7 +99,7 @@ GROUND = Body("ground", np.zeros(3), np.eye(3), np.zeros(3), np.zeros(()), np.ze
 
 def read_bodies(t: Mapping[str, Any], x: Array) -> list[Body]:
     bodies = []
-    for name, i in zip(t["body_name"], t["body_x"], strict=True):
+    for name, i in entries(t, "body", "name x"):
         R = so3.from_quaternion(x[i + 3 : i + 7])
         com, w = x[i + 7 : i + 10], x[i + 20 : i + 23]
         xx, yy, zz, xy, xz, yz = x[i + 11 : i + 17]
@@ -119,24 +119,28 @@ def marker(bodies: list[Body], body: int, point: Array, frame: Array) -> Marker:
 
 def axis_frame(axis: Array) -> Array:
     """Frame with z along the axis; x from the world axis that is most nearly perpendicular to it (first on ties)."""
+    return frame_of(axis, np.eye(3)[int(np.argmin(np.abs((axis / so3.norm(axis)).real)))])
+
+
+def frame_of(axis: Array, towards: Array) -> Array:
+    """z along the axis, x along the part of the other vector that is orthogonal to it."""
     z = axis / so3.norm(axis)
-    e = np.eye(3)[int(np.argmin(np.abs(z.real)))]
-    x = e - (e @ z) * z
+    x = towards - (towards @ z) * z
     x = x / so3.norm(x)
     return np.stack([x, np.cross(z, x), z], axis=1)
 
 
-def universal_frame(axis: Array, axis2: Array) -> Array:
-    """z along the axis of the first body, x along the part of axis2 orthogonal to it."""
-    z = axis / so3.norm(axis)
-    x = axis2 - (axis2 @ z) * z
-    x = x / so3.norm(x)
-    return np.stack([x, np.cross(z, x), z], axis=1)
+def entries(t: Mapping[str, Any], kind: str, columns: str) -> Iterator[Any]:
+    """The named columns of all objects of a kind, one object after the other."""
+    return zip(*(t.get(f"{kind}_{k}", ()) for k in columns.split()), strict=True)
 
 
-def _rows(t: Mapping[str, Any], prefix: str) -> Any:
-    keys = [f"{prefix}_{k}" for k in ("name", "type", "a", "b", "flags", "x")]
-    return zip(*(t.get(k, ()) for k in keys), strict=True)
+def read_motions(t: Mapping[str, Any], x: Array) -> list[TimeFunction]:
+    """All motions as functions of time."""
+    return [
+        time_function(int(code), x[i : i + n], t["functions"][of] if code == FUNCTION else None, int(output))
+        for code, n, i, of, output in entries(t, "motion", "type n x function output")
+    ]
 
 
 def _law(flags: int, k: Array, c: Array, preload: Array) -> dict[str, Any]:
@@ -155,7 +159,7 @@ def _length(flags: int, at_a: Array, at_b: Array, given: Array) -> Array:
 
 def read_joints(t: Mapping[str, Any], x: Array, bodies: list[Body]) -> list[Link]:
     joints = []
-    for name, kind, a, b, flags, i in _rows(t, "joint"):
+    for name, kind, a, b, flags, i in entries(t, "joint", "name type a b flags x"):
         label = JOINTS[int(kind)]
         if a == b:
             raise ModelError(f"joint {name!r} connects a body with itself; give two different bodies")
@@ -163,7 +167,7 @@ def read_joints(t: Mapping[str, Any], x: Array, bodies: list[Body]) -> list[Link
         if flags & OWN_FRAME:
             frame = so3.from_quaternion(x[i + 12 : i + 16])
         elif label == "universal":
-            frame = universal_frame(axis, axis2)
+            frame = frame_of(axis, axis2)
         elif label in ("spherical", "distance", "free", "fixed") and not np.any(axis.real):
             frame = np.eye(3)
         else:
@@ -178,7 +182,7 @@ def read_joints(t: Mapping[str, Any], x: Array, bodies: list[Body]) -> list[Link
 
 def read_elements(t: Mapping[str, Any], x: Array, bodies: list[Body]) -> list[Link]:
     elements = []
-    for name, kind, a, b, flags, i in _rows(t, "element"):
+    for name, kind, a, b, flags, i in entries(t, "element", "name type a b flags x"):
         label = ELEMENTS[int(kind)]
         at_a, at_b, length, frame = x[i : i + 3], x[i + 3 : i + 6], np.zeros(()), np.eye(3)
         if label == "bushing":
@@ -197,14 +201,13 @@ def read_elements(t: Mapping[str, Any], x: Array, bodies: list[Body]) -> list[Li
 
 
 def read_loads(t: Mapping[str, Any], x: Array, bodies: list[Body]) -> list[Load]:
-    keys = ("name", "type", "body", "frame", "x")
     loads: list[Load] = []
-    for name, kind, body, frame, i in zip(*(t.get(f"load_{k}", ()) for k in keys), strict=True):
+    for name, kind, body, frame, i in entries(t, "load", "name type body frame x"):
         m = marker(bodies, body, x[i : i + 3], np.eye(3))
         label = ("force", "torque", "modal")[int(kind)]
         loads.append(Load(name, label, bool(frame), int(body), m.s, x[i + 3 : i + 6], component=int(frame)))
-    motions, ends = read_motions(t, x), ("load", "component", "motion")
-    for load, component, motion in zip(*(t.get(f"load_motion_{k}", ()) for k in ends), strict=True):
+    motions = read_motions(t, x)
+    for load, component, motion in entries(t, "load_motion", "load component motion"):
         loads[load].varying.append((int(component), motions[motion]))
     return loads
 
@@ -217,13 +220,10 @@ def read_imposed(t: Mapping[str, Any], x: Array, joints: list[Link]) -> list[Lin
     def link(name: str, kind: str, joint: Link, coordinate: int) -> Link:
         return Link(name, kind, joint.a, joint.b, none, none, np.zeros(6), row=FREE[joint.kind][coordinate])
 
-    for name, joint, coordinate, motion in zip(
-        *(t.get(f"drive_{k}", ()) for k in ("name", "joint", "coordinate", "motion")), strict=True
-    ):
+    for name, joint, coordinate, motion in entries(t, "drive", "name joint coordinate motion"):
         out.append(link(name, "drive", joints[joint], coordinate))
         out[-1].motion = motions[motion]
-    keys = ("name", "first", "second", "first_coordinate", "second_coordinate", "x")
-    for name, a, b, of_a, of_b, i in zip(*(t.get(f"coupler_{k}", ()) for k in keys), strict=True):
+    for name, a, b, of_a, of_b, i in entries(t, "coupler", "name first second first_coordinate second_coordinate x"):
         out.append(link(name, "coupler", joints[b], of_b))
         out[-1].first = link(name, "drive", joints[a], of_a)
         out[-1].ratio, out[-1].length = x[i], x[i + 1]
@@ -247,7 +247,7 @@ def located_points(t: Mapping[str, Any], x: Array, bodies: list[Body]) -> Array:
     points = [b.centre for b in bodies[: len(t["body_name"])]]
     for i in t.get("joint_x", ()):
         points += [x[i : i + 3], x[i + 3 : i + 6]]
-    for kind, i in zip(t.get("element_type", ()), t.get("element_x", ()), strict=True):
+    for kind, i in entries(t, "element", "type x"):
         points += [x[i : i + 3]] if ELEMENTS[int(kind)] == "torsion" else [x[i : i + 3], x[i + 3 : i + 6]]
     return np.array(points).reshape(-1, 3)
 

@@ -23,14 +23,7 @@ def response(M: Any, D: Any, S: Any, F: Any, t: Any, f: Any, y0: Any = None, v0:
     f = f.reshape(len(t), m)
     A = np.block([[np.zeros((n, n)), np.eye(n)], [-np.linalg.solve(M, S), -np.linalg.solve(M, D)]])
     B = np.concatenate([np.zeros((n, m)), np.linalg.solve(M, F)])
-    zero = np.zeros((m, m))
-    augmented = np.block(
-        [
-            [A, B, np.zeros((2 * n, m))],
-            [zero[:, :1] * np.ones((1, 2 * n)), zero, np.eye(m)],
-            [np.zeros((m, 2 * n + 2 * m))],
-        ]
-    )
+    augmented = np.block([[A, B, 0 * B], [np.zeros((m, 2 * n + m)), np.eye(m)], [np.zeros((m, 2 * n + 2 * m))]])
     z = np.zeros((len(t), 2 * n), dtype=np.result_type(augmented, f, float))
     z[0, :n], z[0, n:] = 0 if y0 is None else y0, 0 if v0 is None else v0
     known: dict[float, Array] = {}

@@ -14,9 +14,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from . import dynamics as dyn
-from .assembly import constraint_values, scales
+from .assembly import close_loops, constraint_values, scales
 from .kinematics import State, System, advance, moving, twists_of
-from .linear import RANK_TOLERANCE
+from .linear import minimum_norm
 from .motion import (
     Motion,
     energy,
@@ -79,34 +79,21 @@ def row_rates(sys: System, rate: Array, J: Array) -> Array:
     return J @ rate + explicit_rates(sys)[0]
 
 
-def mass_matrix(sys: System, m: Motion) -> Array:
+def mass_matrix(sys: System, state: State) -> Array:
     """M (ny, ny)."""
-    return dyn.mass(sys, m.state, tree_map(sys, m.state)[0].value)
+    T = tree_map(sys, state)[0].value
+    pushed = dyn.inertia(sys, moving(state.at_rest, np.zeros(len(T)), rate=T.T))
+    return T.T @ pushed.derivative_along(sys.ny)[:, 0].T
 
 
-def least_norm(A: Array, b: Array) -> Array:
-    """x of least norm with A x = b for a matrix of any rank, by singular values above 1e-9 of the largest."""
-    return np.linalg.lstsq(A, b, rcond=RANK_TOLERANCE)[0]
-
-
-def smallest(sys: System, m: Motion, J: Array, miss: Array) -> Array:
-    """dy of least dy^T M dy with J dy = miss, rows scaled."""
-    root = np.linalg.cholesky(mass_matrix(sys, m))
-    return np.linalg.solve(root.T, least_norm(np.linalg.solve(root, J.T).T, miss))
+def ways(sys: System, state: State) -> Array:
+    """Tree increments (ny, ny) of unit kinetic energy: the shortest combination moves the least."""
+    return np.linalg.inv(np.linalg.cholesky(mass_matrix(sys, state))).T
 
 
 def close(sys: System, m: Motion) -> Motion:
     """The position rows brought to zero by Newton steps of least kinetic energy."""
-    kept = ~velocity_rows(sys)
-    previous = np.inf
-    for _ in range(30 if np.any(kept) else 0):
-        phi, J = (scales(sys)[0] * part.T for part in rows(sys, m))
-        size = float(np.max(np.abs(phi)))
-        if size < 1e-14 or (size < 1e-11 and size > 0.5 * previous):
-            break
-        previous = size
-        m = replace(m, state=advance(sys, m.state, smallest(sys, m, J.T[kept], -phi[kept])))
-    return m
+    return replace(m, state=close_loops(sys, m.state, 1e-14, ways=lambda state: ways(sys, state)))
 
 
 def align(sys: System, m: Motion) -> Motion:
@@ -114,7 +101,8 @@ def align(sys: System, m: Motion) -> Motion:
     J, s = rows(sys, m)[1], scales(sys)[0]
     if len(J) == 0:
         return m
-    return replace(m, rate=m.rate + smallest(sys, m, s[:, None] * J, -s * row_rates(sys, m.rate, J)))
+    W = ways(sys, m.state)
+    return replace(m, rate=m.rate + W @ minimum_norm(s[:, None] * J @ W, -s * row_rates(sys, m.rate, J)))
 
 
 def acceleration(sys: System, m: Motion) -> tuple[Array, Array]:
@@ -130,7 +118,7 @@ def acceleration(sys: System, m: Motion) -> tuple[Array, Array]:
         return free, np.zeros(0)
     s, bias = scales(sys)[0], Jt.derivative(1).T @ m.rate + explicit_rates(sys)[1]
     A = np.linalg.solve(np.linalg.cholesky(M), (s[:, None] * J).T).T
-    lam = s * least_norm(A @ A.T, s * (J @ free + bias))
+    lam = s * minimum_norm(A @ A.T, s * (J @ free + bias))
     return free - np.linalg.solve(M, J.T @ lam), lam
 
 

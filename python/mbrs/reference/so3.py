@@ -4,6 +4,7 @@ never moduli.
 
 from __future__ import annotations
 
+from math import factorial
 from typing import Any
 
 import numpy as np
@@ -55,17 +56,13 @@ def exp(phi: Array) -> Array:
     """Rotation matrix of a rotation vector."""
     square = np.sum(phi * phi)
     if abs(square) < 1e-2:
-        a = sum((-square) ** k / _factorial(2 * k + 1) for k in range(9))
-        b = sum((-square) ** k / _factorial(2 * k + 2) for k in range(9))
+        a = sum((-square) ** k / factorial(2 * k + 1) for k in range(9))
+        b = sum((-square) ** k / factorial(2 * k + 2) for k in range(9))
     else:
         angle = np.sqrt(square)
         a, b = np.sin(angle) / angle, (1 - np.cos(angle)) / square
     s = skew(phi)
     return np.eye(3) + a * s + b * (s @ s)
-
-
-def _factorial(n: int) -> float:
-    return float(np.prod(np.arange(1, n + 1, dtype=float)))
 
 
 def from_quaternion(q: Array) -> Array:

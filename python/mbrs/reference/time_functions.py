@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from typing import Any
+from collections.abc import Callable
 
 import numpy as np
 
@@ -13,23 +12,12 @@ RAMP, SINE, SINE_HERTZ, POLYNOMIAL, TABLE, LINES, FUNCTION = range(7)
 TimeFunction = Callable[[float], Array]  # t -> (3,): value, rate, acceleration
 
 
-def read_motions(t: Mapping[str, Any], x: Array) -> list[TimeFunction]:
-    """All motions of the tables as functions of time."""
-    keys = ("type", "n", "x", "function", "output")
-    out = []
-    for code, n, start, function, output in zip(*(t.get(f"motion_{k}", ()) for k in keys), strict=True):
-        p = x[start : start + n]
-        out.append(
-            _from_outside(t["functions"][function], int(output)) if code == FUNCTION else _built_in(int(code), p)
-        )
-    return out
-
-
-def _from_outside(f: Callable[[float], list[float]], output: int) -> TimeFunction:
-    def at(t: float) -> Array:
-        return np.array([*f(t)[output:], 0.0, 0.0][:3])
-
-    return at
+def time_function(code: int, p: Array, function: Callable[[float], list[float]] | None, output: int) -> TimeFunction:
+    """A motion of the tables, from its numbers or from a function that gives several motions one behind the other."""
+    if code != FUNCTION:
+        return _built_in(code, p)
+    assert function is not None
+    return lambda t: np.array([*function(t)[output:], 0.0, 0.0][:3])
 
 
 def _built_in(code: int, p: Array) -> TimeFunction:

@@ -26,6 +26,11 @@ class TreeJoint:
     start: int
 
     @property
+    def markers(self) -> tuple[Marker, Marker]:
+        """On the inner body and on the outer one."""
+        return (self.link.a, self.link.b) if self.sign > 0 else (self.link.b, self.link.a)
+
+    @property
     def coordinates(self) -> list[Row]:
         return FREE[self.link.kind]
 

@@ -1,1 +1,1 @@
-"""Solvers of equations that are not a model."""
+"""Equations that are not a model: roots, derivatives of matrices by matrices."""

@@ -1,1 +1,1 @@
-"""Studies of accuracy, of effects and of derivatives."""
+"""Studies of results: accuracy and cost, effects, derivatives by differences, the reference beside the core, what is installed."""

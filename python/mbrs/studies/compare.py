@@ -11,7 +11,6 @@ import numpy as np
 
 from .. import reference as ref
 from .._lib.checks import shown
-from .._lib.rotations import quaternion_matrix
 from .._lib.text import number
 from ..errors import ModelError
 from ..linear.equilibrium import Equilibrium
@@ -293,9 +292,6 @@ def _of_forces(result: FrfResult | ResponseResult) -> tuple[Any, Any, Any, Linea
             "responses to forces alone, of laws without states of their own, are compared: base motion enters the reference in no "
             "other way"
         )
-    if linear.source is None:
-        zero = np.zeros_like(linear.M)
-        return linear.M, zero if linear.D is None else linear.D, linear.S, linear
     M, C, G, K, N = (np.zeros((linear.n, linear.n)) if X is None else X for X in _matrices(linear.source))
     return M, G if "damping" not in linear.effects else C + G, K + N, linear
 
@@ -425,9 +421,7 @@ def _motion(traj: Trajectory) -> list[_Row]:
     arms = np.array([b.com for b in sys.bodies]).reshape(-1, 3)
     place = np.array([s.r - np.einsum("nij,nj->ni", s.R, arms) for s in ends])
     core = np.array([traj.position(name)[chosen] for name in traj.bodies]).swapaxes(0, 1)
-    turned = np.array(
-        [[quaternion_matrix(q) for q in traj.orientation(name)[chosen]] for name in traj.bodies]
-    ).swapaxes(0, 1)
+    turned = np.array([traj.rotation(name)[chosen] for name in traj.bodies]).swapaxes(0, 1)
     rotation = np.array([s.R for s in ends])
     return [_row("position", "m", core, place, sys.length), _row("rotation matrix", "1", turned, rotation)]
 

@@ -1,1 +1,1 @@
-"""From a model to Tables, their compiled system, its state and its effects."""
+"""The compiled system of a model, a snapshot of both, its state and its effects."""

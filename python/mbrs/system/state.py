@@ -16,7 +16,7 @@ AT_REST = np.zeros(0)
 @dataclass(frozen=True, eq=False)
 class Orbit:
     """A motion that repeats itself with the turn of a rotor: its period; coordinates, rates and accelerations (2 N, ...) of the tree at
-    even times; W of the axes over all its coordinates.
+    even times; W of the axes over all its coordinates; states of the air (2 N, m), each seen from its blade.
     """
 
     period: float
@@ -24,6 +24,7 @@ class Orbit:
     rate: np.ndarray
     acceleration: np.ndarray
     W: np.ndarray
+    states: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
 
 
 @dataclass(frozen=True, eq=False)

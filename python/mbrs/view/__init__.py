@@ -1,1 +1,1 @@
-"""Scenes that move, on self-contained pages."""
+"""Scenes that move, on self-contained pages. They see results only."""

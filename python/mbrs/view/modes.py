@@ -176,9 +176,9 @@ def _lines(result: Any, scene: SceneGeometry, count: int) -> dict[str, np.ndarra
 
 def _drawn(shape: np.ndarray, solids: list[np.ndarray], lines: list[np.ndarray], size: float) -> complex:
     """The factor that scales a shape (n_bodies, 6) for the eye, and makes the largest motion real and positive."""
-    travel = [np.abs(s[:3] + np.cross(s[3:], solid)) for s, solid in zip(shape, solids, strict=True)]
-    largest = max((float(t.max(initial=0.0)) for t in (*travel, *map(np.abs, lines))), default=0.0)
-    turn = float(np.abs(shape[:, 3:]).max(initial=0.0))
+    travel = [s[:3] + np.cross(s[3:], solid) for s, solid in zip(shape, solids, strict=True)]
+    largest = max((_longest(t) for t in (*travel, *lines)), default=0.0)
+    turn = _longest(shape[:, 3:])
     limits = [limit / value for limit, value in ((_REACH * size, largest), (_TURN, turn)) if value > 0.0]
     if not limits:
         return 1.0
@@ -186,6 +186,11 @@ def _drawn(shape: np.ndarray, solids: list[np.ndarray], lines: list[np.ndarray],
     every = np.concatenate([weighted.ravel(), *(line.ravel() for line in lines)])
     pivot = every[int(np.argmax(np.abs(every)))]
     return complex(min(limits) * np.conj(pivot) / abs(pivot))
+
+
+def _longest(vectors: np.ndarray) -> float:
+    """The largest length of complex vectors (..., 3), in whatever direction."""
+    return float(np.linalg.norm(vectors, axis=-1).max(initial=0.0))
 
 
 def line_points(modal: Any) -> np.ndarray:

@@ -10,6 +10,7 @@ from typing import Any, TypedDict
 
 import numpy as np
 
+from .._lib.rotations import matrix_to_quaternion
 from ..errors import ModelError
 from .drawing import scene_data
 from .modes import Viewer, line_points
@@ -286,20 +287,11 @@ def _vector_rate(theta: np.ndarray, spin: np.ndarray) -> np.ndarray:
 
 def _relative(quaternion: np.ndarray, start: np.ndarray) -> np.ndarray:
     """Turns from the drawn rotations (n_b, 3, 3), signs continuous in time."""
-    drawn = np.array([_from_matrix(R) for R in start]).reshape(-1, 4)
+    drawn = np.array([matrix_to_quaternion(R) for R in start]).reshape(-1, 4)
     q = _product(quaternion, _conjugate(drawn)[None])
     flips = np.cumsum(np.sum(q[1:] * q[:-1], axis=-1) < 0.0, axis=0) % 2
     sign = np.concatenate([np.ones((1, q.shape[1])), np.where(flips, -1.0, 1.0)])
     return q * sign[:, :, None]
-
-
-def _from_matrix(R: np.ndarray) -> np.ndarray:
-    """Quaternion of a rotation matrix: the eigenvector of Bar-Itzhack's matrix, good for every rotation."""
-    K = np.empty((4, 4))
-    K[0, 0] = np.trace(R)
-    K[0, 1:] = K[1:, 0] = R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]
-    K[1:, 1:] = R + R.T - np.trace(R) * np.eye(3)
-    return np.linalg.eigh(K)[1][:, -1]
 
 
 def _box(scene: SceneGeometry, position: np.ndarray, reach: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

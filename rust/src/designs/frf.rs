@@ -5,17 +5,13 @@ use num_dual::Dual64;
 
 use super::{Changes, Numbers, Plan, Scene};
 use crate::error::Result;
-use crate::linalg::quadratic::Quadratic;
-use crate::linearize::model_modes::second_order;
+use crate::linearize::model_modes::linear_system;
 use crate::model::geometry::Geometry;
 use crate::model::layout::body::AT;
 use crate::multibody::placement::place;
-use crate::run::Cancel;
-use crate::second_order::frf::Reduction;
+use crate::run::{Cancel, Counts};
 use crate::second_order::frf_resonances::{missed, unseen};
-use crate::second_order::frf_sensitivity;
-use crate::second_order::frf_sensitivity::Entry;
-use crate::second_order::frf_sensitivity::Variation;
+use crate::second_order::frf_sensitivity::{self, Entry, Variation};
 use crate::second_order::ports::Ports;
 use crate::sensitivity::direction::{Directional, Entries};
 use crate::spatial::{M3, Real, V3, lift33, skew};
@@ -56,28 +52,22 @@ impl Plan {
         if scene.setting.state.moving() && asked.inputs.iter().any(|port| port.base) {
             return Ok(None);
         }
-        let m = second_order(scene.lin, scene.parts)?;
-        let sum = |a: &Option<Mat<f64>>, b: &Option<Mat<f64>>| match (a, b) {
-            (Some(a), Some(b)) => Some(a + b),
-            (a, b) => a.as_ref().or(b.as_ref()).cloned(),
-        };
-        let stiffness = m.n.as_ref().map_or_else(|| m.k.clone(), |n| &m.k + n);
-        let reduction = Reduction::new(Quadratic::new(m.m, sum(&m.c, &m.g), stiffness)?)?;
+        let system = linear_system(scene.lin, scene.parts)?;
         let body = Bodies::new(scene);
         let ports = body.ports(asked);
-        let found = reduction.evaluate(&ports, &asked.omega, None, true, cancel)?;
-        let poles = reduction.poles().unwrap_or_default();
+        let found = system.evaluate(&ports, &asked.omega, None, true, cancel)?;
+        let poles = system.poles(&mut Counts::default()).unwrap_or_default();
         let suspects = unseen(&poles, &asked.omega);
         let peaks = match suspects.is_empty() {
             true => Vec::new(),
-            false => reduction.evaluate(&ports, &suspects, None, false, cancel)?.h,
+            false => system.evaluate(&ports, &suspects, None, false, cancel)?.h,
         };
         let hidden = !missed(&asked.omega, &found.h, &suspects, &peaks).is_empty();
         let mut arrays = vec![flat(&found.h)];
         if !self.by.is_empty() {
             let Some(changes) = self.changes(scene, true, cancel)? else { return Ok(None) };
             let all: Vec<Variation> = (0..changes.all.len()).map(|p| body.variation(asked, &changes, p)).collect();
-            let made = frf_sensitivity::sensitivity(&reduction.q, &ports, &all, &asked.omega, cancel)?;
+            let made = frf_sensitivity::sensitivity(system.quadratic(), &ports, &all, &asked.omega, cancel)?;
             arrays.push(flat(&made.dh));
         }
         Ok(Some(Numbers { arrays, count: 1, remark: hidden || !found.singular.is_empty() }))

@@ -4,7 +4,7 @@ use faer::Mat;
 use super::{Changes, Numbers, Plan, Scene};
 use crate::error::Result;
 use crate::linalg::dense::C;
-use crate::linearize::model_modes::{model_modes, second_order};
+use crate::linearize::model_modes::{linear_system, model_modes};
 use crate::run::Cancel;
 use crate::second_order::SecondOrder;
 use crate::second_order::eigen_sensitivity::{Directions, Known, Slices, eigen_sensitivity};
@@ -20,7 +20,7 @@ impl Plan {
         elastic: Option<bool>,
         cancel: &Cancel,
     ) -> Result<Option<Numbers>> {
-        let matrices = second_order(scene.lin, scene.parts)?;
+        let matrices = linear_system(scene.lin, scene.parts)?.second_order()?;
         let Some(modal) = model_modes(&scene.setting, scene.lin, scene.parts, &matrices, elastic)? else {
             return Ok(None);
         };

@@ -3,7 +3,7 @@
 //! Newton with the absolute values of the stiffness eigenvalues (so that each step goes downhill in energy and ends at a stable
 //! equilibrium wherever the drawn state is not already in balance), a line search on the force along the step or on the next
 //! step, and where that stalls dynamic relaxation: implicit steps of (K + sigma M) with sigma falling as the residual does. What has
-//! shortened many steps goes on by descent in energy (`equilibrium_descent`).
+//! shortened many steps goes on by descent in energy (`descent`).
 pub mod descent;
 pub mod follow;
 pub mod local;

@@ -63,6 +63,7 @@ pub fn drive(
         run: Run {
             outputs: Vec::new(),
             steps: vec![start.motion.t],
+            formulas: Vec::new(),
             local: Vec::new(),
             rejected: 0,
             end: End::Finished,
@@ -235,6 +236,7 @@ impl Driver<'_, '_, '_> {
         let active = active(&mut way.detour, scheme);
         way.kinked = active.per_unit_step() && self.eq.passes_kink(&way.here.motion, &step.end.motion);
         self.record(active, &way.here, &mut step, aim.length, counts)?;
+        self.run.formulas.push(active.formula());
         active.accept(self.eq, &way.here, &step, aim.length);
         let patience = active.rate_time(aim.length);
         let tolerance = |e: &LocalError| self.size(e, self.speed, patience) / allowed;

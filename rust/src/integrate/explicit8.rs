@@ -44,6 +44,7 @@ pub struct Explicit8 {
 }
 
 /// A stage: its increment from the start of the step, and its motion with accelerations and multipliers.
+#[derive(Debug, Clone)]
 pub struct RecordedStage {
     pub increment: Vec<f64>,
     pub at: Instant,

@@ -130,6 +130,11 @@ pub trait Scheme {
         counts: &mut Counts,
     ) -> Result<Step>;
 
+    /// The order of the step just made; 0 and -1 as in `bdf::record`. Of schemes that choose it, before `accept`.
+    fn formula(&self) -> i32 {
+        0
+    }
+
     /// Power of the step in the controlled error.
     fn power(&self) -> f64 {
         f64::from(self.order())

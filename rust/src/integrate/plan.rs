@@ -58,6 +58,8 @@ pub struct Run {
     pub outputs: Vec<Output>,
     /// times of all accepted steps, the start included
     pub steps: Vec<f64>,
+    /// orders of all accepted steps (`Scheme::formula`)
+    pub formulas: Vec<i32>,
     /// estimated local error of every step over its tolerance
     pub local: Vec<f64>,
     pub rejected: usize,

@@ -41,8 +41,10 @@ impl Options {
 }
 
 /// Op V = V T + Q B with orthonormal [V, Q]; Q is the last block, B sits below T.
-pub struct Space<'a, O: Operator<T>, T: Field = f64> {
-    op: &'a O,
+///
+/// The operator is called through its table, so that all of one number type share one text.
+pub struct Space<'a, T: Field = f64> {
+    op: &'a dyn Operator<T>,
     options: Options,
     v: Mat<T>,
     t: Mat<T>,
@@ -76,22 +78,22 @@ impl Random {
     }
 }
 
-impl<'a, O: Operator<T>, T: Field> Space<'a, O, T> {
-    pub fn new(op: &'a O, options: Options) -> Result<Self> {
+impl<'a, T: Field> Space<'a, T> {
+    pub fn new(op: &'a dyn Operator<T>, options: Options) -> Result<Self> {
         let mut space = Self::empty(op, options);
         space.inject(0)?;
         Ok(space)
     }
 
     /// The space that begins with random combinations of vectors, such as those of a space of a neighbouring operator.
-    pub fn from_vectors(op: &'a O, options: Options, vectors: MatRef<'_, T>) -> Result<Self> {
+    pub fn from_vectors(op: &'a dyn Operator<T>, options: Options, vectors: MatRef<'_, T>) -> Result<Self> {
         let mut space = Self::empty(op, options);
         let mix: Mat<T> = Mat::from_fn(vectors.ncols(), options.block, |_, _| space.random.scalar());
         space.begin(0, vectors * mix)?;
         Ok(space)
     }
 
-    fn empty(op: &'a O, options: Options) -> Self {
+    fn empty(op: &'a dyn Operator<T>, options: Options) -> Self {
         let n = op.dim();
         let columns = options.dim + options.block;
         Space {
@@ -370,7 +372,7 @@ impl<'a, O: Operator<T>, T: Field> Space<'a, O, T> {
     }
 }
 
-impl<O: Operator> Space<'_, O> {
+impl Space<'_> {
     pub fn real_vectors(&self, ritz: &Ritz, count: usize) -> Mat<f64> {
         let u = Mat::from_fn(self.size, count, |i, j| ritz.vector[(i, j)].re);
         self.v.subcols(0, self.size) * u

@@ -102,6 +102,10 @@ impl Csc {
         Csc::from_entries(self.rows, self.cols, entries)
     }
 
+    pub fn transposed(&self) -> Csc {
+        Csc::from_entries(self.cols, self.rows, self.entries().map(|(i, j, v)| (j, i, v)).collect())
+    }
+
     pub fn diagonal(&self) -> Vec<f64> {
         (0..self.cols).map(|j| self.column(j).find(|(i, _)| *i == j).map_or(0.0, |(_, v)| v)).collect()
     }

@@ -1,4 +1,4 @@
-//! States of sections in the air about a linearised state, z = z_s + d.
+//! States of sections in the air about a linearised state, z = z_s + d: about the states of rest there, or about given ones.
 //!
 //! ```text
 //! M y" + D y' + S y = E d + f,   d' = P y + R y' + A d
@@ -16,25 +16,38 @@ use crate::multibody::assemble::Scene;
 use crate::multibody::numbers::Numbers;
 use crate::multibody::placement::{advance, place};
 use crate::multibody::rotations::add_commutator;
+use crate::multibody::topology::Topology;
 use crate::run::Counts;
 
-/// E (dof, m), P and R (m, dof), A (m, m), and the air of each state.
+/// E (dof, m), P and R (m, dof), A (m, m); the section of each state, and its air.
 pub struct AirStates {
     pub effect: DMatrix<f64>,
     pub by_place: DMatrix<f64>,
     pub by_rate: DMatrix<f64>,
     pub own: DMatrix<f64>,
+    pub section: Vec<usize>,
     pub air: Vec<usize>,
+    /// z_s and its rate
+    pub value: Vec<f64>,
+    pub rate: Vec<f64>,
 }
 
-/// Sections with states: their number, and the states at rest.
+/// Sections with states: their number, and the states.
 type Resting = Vec<(usize, Vec<f64>)>;
 
-/// None where no section has states. `turn`: as of `parts`.
-pub fn air_states(setting: &Setting<'_>, turn: Option<&DMatrix<f64>>) -> Result<Option<AirStates>> {
-    let Some(resting) = resting(setting)? else {
+/// None where no section has states. `turn`: as of `parts`. `given`: the states one after the other; none are those of rest.
+pub fn air_states(
+    setting: &Setting<'_>,
+    turn: Option<&DMatrix<f64>>,
+    given: Option<&[f64]>,
+) -> Result<Option<AirStates>> {
+    let Some(mut resting) = resting(setting)? else {
         return Ok(None);
     };
+    if let Some(given) = given {
+        let states = resting.iter_mut().flat_map(|(_, z)| z.iter_mut());
+        states.zip(given).for_each(|(z, given)| *z = *given);
+    }
     let lin = linearize(setting, &mut Counts::default())?;
     let mut made = reduced(setting, &lin, &resting);
     if let Some(w) = turn {
@@ -69,10 +82,21 @@ fn resting(setting: &Setting<'_>) -> Result<Option<Resting>> {
 fn reduced(setting: &Setting<'_>, lin: &Linearization, resting: &Resting) -> AirStates {
     let (system, topology) = (setting.system, &*setting.system.topology);
     let (place_tree, rate_tree) = input(setting, resting);
-    let (effect_tree, own) = effect(setting, resting);
-    let air = resting.iter().flat_map(|(i, z)| vec![topology.tables.sections[*i].air; z.len()]).collect();
+    let (effect_tree, own, rate) = effect(setting, resting);
+    let section: Vec<usize> = resting.iter().flat_map(|(i, z)| vec![*i; z.len()]).collect();
+    let air = section.iter().map(|i| topology.tables.sections[*i].air).collect();
+    let value = resting.iter().flat_map(|(_, z)| z.clone()).collect();
     let (Some(loops), Some(b)) = (&lin.loops, &lin.dependent_map) else {
-        return AirStates { effect: effect_tree, by_place: place_tree, by_rate: rate_tree, own, air };
+        return AirStates {
+            effect: effect_tree,
+            by_place: place_tree,
+            by_rate: rate_tree,
+            own,
+            section,
+            air,
+            value,
+            rate,
+        };
     };
     let columns: Vec<_> = effect_tree.column_iter().map(|c| loops.reduce_vector(&c.into_owned(), b)).collect();
     let onto = |rows: &DMatrix<f64>| {
@@ -85,7 +109,8 @@ fn reduced(setting: &Setting<'_>, lin: &Linearization, resting: &Resting) -> Air
         let moved = DMatrix::from_fn(rate_tree.nrows(), turning.rows.len(), |i, j| rate_tree[(i, turning.rows[j])]);
         by_place += moved * turning.first;
     }
-    AirStates { effect: DMatrix::from_columns(&columns), by_place, by_rate: onto(&rate_tree), own, air }
+    let effect = DMatrix::from_columns(&columns);
+    AirStates { effect, by_place, by_rate: onto(&rate_tree), own, section, air, value, rate }
 }
 
 /// P and R by the tree coordinates.
@@ -131,8 +156,24 @@ fn rates(setting: &Setting<'_>, resting: &Resting, along: usize, moves: bool) ->
     resting.iter().flat_map(of).collect()
 }
 
-/// E by the tree coordinates, and A.
-fn effect(setting: &Setting<'_>, resting: &Resting) -> (DMatrix<f64>, DMatrix<f64>) {
+/// A memory that holds states of the air as they are given, one after the other: laws with a memory of their own rest.
+pub fn holding(topology: &Topology, states: &[f64]) -> Vec<f64> {
+    let mut memory = topology.at_rest(&[]);
+    let mut rest = states.iter();
+    for i in 0..topology.tables.sections.len() {
+        let places = topology.section_memory(i);
+        for place in places.clone().take(places.len().saturating_sub(1)) {
+            memory[place] = rest.next().copied().unwrap_or(0.0);
+        }
+        if !places.is_empty() {
+            memory[places.end - 1] = 0.0;
+        }
+    }
+    memory
+}
+
+/// E by the tree coordinates, A, and the rates of the states.
+fn effect(setting: &Setting<'_>, resting: &Resting) -> (DMatrix<f64>, DMatrix<f64>, Vec<f64>) {
     let system = setting.system;
     let topology = &*system.topology;
     let m: usize = resting.iter().map(|(_, z)| z.len()).sum();
@@ -141,13 +182,9 @@ fn effect(setting: &Setting<'_>, resting: &Resting) -> (DMatrix<f64>, DMatrix<f6
     let lift = |v: &[f64]| v.iter().map(|v| Dual64::from_re(*v)).collect::<Vec<_>>();
     let (x, q, rate) = (lift(&system.x), lift(&setting.state.q), setting.rate::<Dual64>());
     let placement = place(topology, &geometry, &q, rate.as_deref());
-    let mut memory = lift(&topology.at_rest(setting.memory));
-    for (i, z) in resting {
-        let places = topology.section_memory(*i);
-        memory[places.start..places.end - 1].copy_from_slice(&lift(z));
-        memory[places.end - 1] = Dual64::from_re(0.0);
-    }
-    let mut column = 0;
+    let held: Vec<f64> = resting.iter().flat_map(|(_, z)| z.clone()).collect();
+    let mut memory = lift(&holding(topology, &held));
+    let (mut column, mut rates) = (0, Vec::new());
     for (i, z) in resting {
         let first = column;
         let start = topology.section_memory(*i).start;
@@ -158,6 +195,7 @@ fn effect(setting: &Setting<'_>, resting: &Resting) -> (DMatrix<f64>, DMatrix<f6
             for (row, r) in flow.rates[..z.len()].iter().enumerate() {
                 own[(first + row, column)] = r.eps;
             }
+            rates.push(flow.rates[k].re);
             let scene = Scene {
                 topology,
                 geometry: &geometry,
@@ -175,5 +213,5 @@ fn effect(setting: &Setting<'_>, resting: &Resting) -> (DMatrix<f64>, DMatrix<f6
             column += 1;
         }
     }
-    (effect, own)
+    (effect, own, rates)
 }

@@ -7,12 +7,14 @@
 //! D'' = B''^T (D B'' + 2 M B''') and S'' = B''^T (S B'' + D B''' + M B''''), dots by second-order dual numbers in time.
 //! Velocity rows about a moving state: see `rolling`.
 pub mod air_states;
+mod loaded;
 pub mod model_modes;
 pub mod parts;
 pub mod reactions;
 pub mod rolling;
 pub mod sparse_bodies;
 pub mod sparse_form;
+pub mod sparse_motion;
 pub mod stiffness_factor;
 pub mod strain_rows;
 

@@ -9,6 +9,7 @@ use crate::linearize::strain_rows::clear_strains;
 use crate::linearize::{Linearization, Setting};
 use crate::multibody::placement::place;
 use crate::second_order::SecondOrder;
+use crate::second_order::linear_system::{LinearSystem, Matrices};
 use crate::second_order::modal::{Kind, Modal, modes};
 use crate::spatial::V3;
 
@@ -16,17 +17,16 @@ fn square(x: &DMatrix<f64>) -> Mat<f64> {
     Mat::from_fn(x.nrows(), x.ncols(), |i, j| x[(i, j)])
 }
 
-/// The matrices of a linearised state.
-pub fn second_order(made: &Linearization, parts: &Parts) -> Result<SecondOrder> {
+/// The system of a linearised state.
+pub fn linear_system(made: &Linearization, parts: &Parts) -> Result<LinearSystem> {
     let given = |x: &Option<DMatrix<f64>>| x.as_ref().map(square);
-    SecondOrder::new(
-        square(&made.matrices.mass),
-        given(&parts.damping),
-        given(&parts.gyroscopic),
-        square(&parts.stiffness),
-        given(&parts.circulatory),
-        None,
-    )
+    LinearSystem::new(Matrices {
+        m: square(&made.matrices.mass),
+        c: given(&parts.damping),
+        g: given(&parts.gyroscopic),
+        k: square(&parts.stiffness),
+        n: given(&parts.circulatory),
+    })
 }
 
 /// All modes. `elastic`: whether the stiffness holds elastic elements alone; None where the caller has to decide that, if it matters.

@@ -11,9 +11,8 @@ use crate::error::{Error, Result};
 use crate::linearize::strain_rows::{Clear, clear_strains};
 use crate::linearize::{Linearization, Setting};
 use crate::model::layout::bushing;
-use crate::model::tables::ElementKind;
-use crate::multibody::System;
 use crate::multibody::placement::place;
+use crate::multibody::potential::{cross_coupled, has_no_potential};
 use crate::tolerances::linearisation::{CANCELLED, CLEAR, ENTRY};
 
 /// C, G, K and N; None where nothing acts.
@@ -229,22 +228,4 @@ impl Sizes {
         let lost = dot(&self.kept, dropped) + dot(&self.dropped, kept) + dot(&self.dropped, dropped);
         ENTRY * f64::EPSILON * dot(&self.kept, kept) + lost
     }
-}
-
-/// True where loads turn with a body, torques are fixed in the world (their work depends on the order of turns), or bushings couple
-/// across.
-fn has_no_potential(system: &System) -> bool {
-    let tables = &system.topology.tables;
-    tables.loads.iter().any(|l| l.mode.is_none() && (l.follower || l.torque)) || cross_coupled(system, bushing::K)
-}
-
-/// True where a full bushing is not symmetric, such as that of a journal bearing, and where a law sees several coordinates.
-fn cross_coupled(system: &System, field: usize) -> bool {
-    let tables = &system.topology.tables;
-    let skewed = |x: usize| {
-        let at = |i: usize, j: usize| system.x[x + field + 6 * i + j];
-        (0..6).any(|i| (0..i).any(|j| at(i, j) != at(j, i)))
-    };
-    tables.functions.iter().any(|f| f.coordinates.len() > 1)
-        || tables.elements.iter().any(|e| e.kind == ElementKind::Bushing && skewed(e.x))
 }

@@ -4,22 +4,22 @@
 //! problem on the subspace of the undamped modes, widened by K^-1 times the residuals of the damped pairs until these are small.
 //! A residual counts as the accelerations it would cause in the constrained system, so neither large stiffnesses nor constraint
 //! forces hide it.
-use faer::{Mat, MatMut, MatRef, c64};
+use faer::{Mat, MatRef, c64};
 
 use crate::error::{Error, Result};
-use crate::linalg::krylov::Operator;
 use crate::linalg::sparse::{Csc, Factor};
-use crate::linearize::sparse_form::SparseForm;
+use crate::linearize::sparse_form::{Entries, SparseForm, symmetrised};
+use crate::linearize::sparse_motion::Motion;
 use crate::multibody::System;
 use crate::multibody::assemble::Effects;
 use crate::multibody::placement::State;
 use crate::run::{Cancel, Counts};
 use crate::second_order::SecondOrder;
-use crate::second_order::modal::{Modal, modes as dense_modes};
+use crate::second_order::modal::{Kind, Modal, modes as dense_modes};
+use crate::second_order::sparse_general::{self, GeneralModes, Problem};
 use crate::second_order::sparse_modal::lowest;
 use crate::second_order::sparse_pencil::{Mixed, Pencil, ShiftInvert};
-use crate::spatial::Map6;
-use crate::tolerances::sparse_modes::RESOLVED;
+use crate::tolerances::sparse_modes::{GROWS, RESOLVED, SAME_ROOT};
 
 /// Rounds of widening, and the estimated error of an eigenvalue at which they stop.
 const ROUNDS: usize = 6;
@@ -30,8 +30,8 @@ pub struct BodyModes {
     pub form: SparseForm,
     /// the small problem whose solutions the modes are
     pub modal: Modal,
-    /// motion of the bodies about their centres of mass, (6 n_bodies, n)
-    pub body: Mat<c64>,
+    /// the modes over the coordinates of the form
+    pub shape: Mat<c64>,
     /// estimated relative error of each eigenvalue, and the residual it comes from
     pub error: Vec<f64>,
     pub residual: Vec<f64>,
@@ -41,43 +41,46 @@ pub struct BodyModes {
 
 pub fn modes(
     system: &System,
-    state: &State,
+    (state, acceleration): (&State, &[f64]),
     effects: Effects,
     n: usize,
     sigma: Option<f64>,
     cancel: &Cancel,
 ) -> Result<BodyModes> {
     let mut counts = Counts::default();
-    let form = SparseForm::new(system, state, effects, &mut counts)?;
+    let form = SparseForm::new(system, state, acceleration, effects, &mut counts)?;
     cancel.check()?;
     let dof = dof(system, &form);
+    if form.general {
+        return general(form, n.min(dof), dof, sigma, counts, cancel);
+    }
     let damped = form.damping.iter().any(|e| e.2 != 0.0);
     let wanted = if damped { (n + BUFFER).min(dof) } else { n.min(dof) };
-    let pencil = pencil(&form)?;
+    let pencil = pencil(&form, form.stiffness.clone())?;
     let found = lowest(&pencil, wanted, sigma, cancel)?;
     counts.merge(&found.counts);
     let mut space = Subspace::new(&form, &pencil, &found.lambda, found.shape.as_ref());
     if !damped {
         let modal = space.solve(false)?;
-        let body = space.combined(&modal, n.min(dof));
+        let shape = space.combined(&modal, n.min(dof));
         return Ok(BodyModes {
             error: found.error.iter().zip(&found.lambda).map(|(e, l)| if *l == 0.0 { 0.0 } else { *e }).collect(),
             residual: found.residual,
             verified: found.verified,
             modal,
-            body,
+            shape,
             form,
             counts,
         });
     }
     let (modal, residual) = space.resolve(found.sigma, n.min(dof), &mut counts, cancel)?;
-    let body = space.combined(&modal, n.min(dof));
+    let shape = space.combined(&modal, n.min(dof));
     Ok(BodyModes {
         error: eigenvalue_errors(&modal, &residual),
         residual,
         verified: found.verified,
         modal,
-        body,
+        shape,
         form,
         counts,
     })
@@ -87,11 +90,164 @@ pub fn dof(system: &System, form: &SparseForm) -> usize {
     form.loops.as_ref().map_or(system.n_tree(), |l| l.independent.len())
 }
 
-/// M, and the augmented matrix [[K_geo, G^T], [G, -compliance]].
-fn pencil(form: &SparseForm) -> Result<Mixed> {
-    let n = 6 * form.mass.len();
+/// Forces without a potential, gyroscopic terms: right and left vectors.
+fn general(
+    form: SparseForm,
+    n: usize,
+    dof: usize,
+    sigma: Option<f64>,
+    mut counts: Counts,
+    cancel: &Cancel,
+) -> Result<BodyModes> {
+    if sigma.is_some() {
+        return Err(Error::route(
+            "shift= of a large model needs forces with a potential: leave it out, or leave n= out as well for the dense route",
+        ));
+    }
+    let (problem, held) = match &form.motion {
+        Some(motion) => (moving(&form, motion), false),
+        None => {
+            let symmetric = pencil(&form, symmetrised(form.size(), form.stiffness.clone()))?;
+            (at_rest(&form), symmetric.shifted_at_zero()?.is_some())
+        }
+    };
+    let found = sparse_general::lowest(&problem, n, dof, held, cancel)?;
+    counts.merge(&found.counts);
+    let (residual, error) = (found.residual.clone(), found.error.clone());
+    let modal = as_modal(&found);
+    Ok(BodyModes {
+        shape: found.shape.subrows(0, form.size()).to_owned(),
+        error,
+        residual,
+        verified: "random restart",
+        modal,
+        form,
+        counts,
+    })
+}
+
+fn at_rest(form: &SparseForm) -> Problem {
+    let n = form.size();
+    let matrix = |entries: Entries| Csc::from_entries(n, n, entries);
+    let strain = matrix(strain(form));
+    Problem {
+        m: matrix(form.mass.clone()),
+        d: matrix(form.damping.clone()),
+        a: augmented(form, form.stiffness.clone()),
+        strain: [strain.clone(), strain],
+    }
+}
+
+/// Unknowns x_f, d, e of the bodies, y of the tree, forces of joints and of elements; see `sparse_motion`.
+fn moving(form: &SparseForm, motion: &Motion) -> Problem {
+    let (n, ny) = (form.size(), motion.n_tree);
+    let (e, y, joint, element) = (2 * n, 3 * n, 3 * n + ny, 4 * n + ny);
+    let matrix = |entries: &Entries| Csc::from_entries(n, n, entries.clone());
+    let (mass, damping) = (matrix(&form.mass), matrix(&form.damping));
+    let [turned, turned_again] = motion.turned.each_ref().map(matrix);
+    let gyric = |factor: f64| damping.combined(1.0, factor, &times(&mass, &turned));
+    let static_part = times(&damping, &turned).combined(1.0, 1.0, &times(&mass, &turned_again));
+    let moved =
+        |x: &Csc, at: usize, factor: f64| -> Entries { x.entries().map(|(i, j, v)| (i, at + j, factor * v)).collect() };
+    let mut a = form.stiffness.clone();
+    a.extend(&motion.shifted);
+    a.extend(motion.weighed[0].iter().map(|(i, j, v)| (y + i, *j, *v)));
+    a.extend(motion.weighed[1].iter().map(|(i, j, v)| (y + i, y + j, *v)));
+    a.extend(moved(&static_part, 0, 1.0));
+    a.extend(moved(&gyric(2.0), n, 1.0));
+    a.extend(moved(&mass, e, 1.0));
+    for (unknown, row, columns) in [(0, joint, 0), (n, n, 1), (e, e, 2)] {
+        a.extend((0..n).map(|i| (row + i, unknown + i, 1.0)));
+        a.extend(motion.carried.iter().map(|(i, j, v)| (row + i, unknown + j, -v)));
+        a.extend(motion.columns[columns].iter().map(|(i, j, v)| (row + i, y + j, -v)));
+    }
+    a.extend((0..n).map(|i| (i, joint + i, 1.0)));
+    a.extend(motion.carried.iter().map(|(i, j, v)| (*j, joint + i, -v)));
+    a.extend(motion.columns[0].iter().map(|(i, j, v)| (y + j, joint + i, -v)));
+    a.extend(form.rows.iter().flat_map(|(i, j, v)| [(element + i, *j, *v), (*j, element + i, *v)]));
+    a.extend(form.compliance.iter().enumerate().map(|(i, c)| (element + i, element + i, -c)));
+    let all = element + form.compliance.len();
+    let leading = |entries: Entries| Csc::from_entries(2 * n, 2 * n, entries);
+    let mut d = moved(&gyric(2.0), 0, 1.0);
+    d.extend(moved(&mass, n, 2.0));
+    let left = strain(form);
+    let mut right = left.clone();
+    right.extend(form.mass.iter().map(|(i, j, v)| (n + i, n + j, *v)));
+    Problem {
+        m: leading(form.mass.clone()),
+        d: leading(d),
+        a: Csc::from_entries(all, all, a),
+        strain: [leading(right), leading(left)],
+    }
+}
+
+fn times(a: &Csc, b: &Csc) -> Csc {
+    let entries = b.entries().flat_map(|(k, j, v)| a.column(k).map(move |(i, w)| (i, j, w * v)));
+    Csc::from_entries(a.rows, b.cols, entries.collect())
+}
+
+fn as_modal(found: &GeneralModes) -> Modal {
+    let n = found.s.len();
+    let kind = |k: usize| {
+        let s = found.s[k];
+        let grows = s.re > GROWS.max(found.error[k]) * s.norm();
+        match s.im != 0.0 {
+            true if grows => Kind::Flutter,
+            true => Kind::Vibration,
+            // s and -s
+            false => Kind::Divergence,
+        }
+    };
+    let mut groups: Vec<(usize, usize)> = Vec::new();
+    for k in 0..n {
+        match groups.last_mut() {
+            Some((first, count)) if (found.s[k] - found.s[*first]).norm() <= SAME_ROOT * found.s[k].norm() => {
+                *count += 1
+            }
+            _ => groups.push((k, 1)),
+        }
+    }
+    groups.retain(|g| g.1 > 1);
+    Modal {
+        s: found.s.clone(),
+        partner: found.partner.clone(),
+        shape: Mat::zeros(0, n),
+        left: None,
+        partner_mode: Vec::new(),
+        partner_shape: Mat::zeros(0, 0),
+        partner_left: None,
+        kind: (0..n).map(kind).collect(),
+        near_defective: vec![false; n],
+        groups,
+        backward_error: found.residual.clone(),
+        condition: vec![f64::NAN; n],
+        error: found.error.clone(),
+        route: "general",
+        mass_pivot: f64::NAN,
+        counts: Counts::default(),
+    }
+}
+
+/// Twice the strain energy of the rows: sum w g^T g.
+fn strain(form: &SparseForm) -> Entries {
+    let mut rows: Vec<Vec<(usize, f64)>> = vec![Vec::new(); form.compliance.len()];
+    form.rows.iter().for_each(|(i, j, v)| rows[*i].push((*j, *v)));
+    let elastic = rows.iter().zip(&form.compliance).filter(|(_, c)| **c > 0.0);
+    let products = elastic
+        .flat_map(|(row, c)| row.iter().flat_map(move |(i, a)| row.iter().map(move |(j, b)| (*i, *j, a * b / c))));
+    products.collect()
+}
+
+/// M, and the augmented matrix [[S, G^T], [G, -compliance]].
+fn pencil(form: &SparseForm, stiffness: Entries) -> Result<Mixed> {
+    let n = form.size();
+    Mixed::new(Csc::from_entries(n, n, form.mass.clone()), augmented(form, stiffness))
+}
+
+fn augmented(form: &SparseForm, stiffness: Entries) -> Csc {
+    let n = form.size();
     let all = n + form.compliance.len();
-    let mut a = form.geometric.clone();
+    let mut a = stiffness;
     a.reserve(2 * form.rows.len() + form.compliance.len());
     for (i, j, v) in &form.rows {
         a.push((n + i, *j, *v));
@@ -100,18 +256,7 @@ fn pencil(form: &SparseForm) -> Result<Mixed> {
     for (i, c) in form.compliance.iter().enumerate() {
         a.push((n + i, n + i, -c));
     }
-    Mixed::new(mass(form), Csc::from_entries(all, all, a))
-}
-
-fn mass(form: &SparseForm) -> Csc {
-    let n = 6 * form.mass.len();
-    let entries = form.mass.iter().enumerate().flat_map(|(b, m)| {
-        let shift = move |i: usize, j: usize, v: f64| (6 * b + i, 6 * b + j, v);
-        let linear = (0..3).map(move |i| shift(i, i, m.ll[(i, i)]));
-        let angular = (0..9).map(move |k| shift(3 + k % 3, 3 + k / 3, m.aa[(k % 3, k / 3)]));
-        linear.chain(angular).filter(|e| e.2 != 0.0)
-    });
-    Csc::from_entries(n, n, entries.collect())
+    Csc::from_entries(all, all, a)
 }
 
 /// [[M, Phi^T], [Phi, 0]]: accelerations of the constrained system.
@@ -188,7 +333,7 @@ impl<'a> Subspace<'a> {
             let c = self.z.transpose() * &self.cz;
             Mat::from_fn(n, n, |i, j| 0.5 * (c[(i, j)] + c[(j, i)]))
         });
-        dense_modes(&SecondOrder::new(m, c, None, k, None, None)?)
+        dense_modes(&SecondOrder::new(m, c, None, k, None)?)
     }
 
     fn combined(&self, modal: &Modal, n: usize) -> Mat<c64> {
@@ -268,10 +413,7 @@ impl<'a> Subspace<'a> {
                 force[(i, 2 * k + 1)] = r[(i, *column)].im;
             }
         }
-        let mut weighed = force.clone();
-        divide_by_mass(&self.form.mass, weighed.as_mut())?;
-        let mut w = Mat::zeros(rows, force.ncols());
-        op.apply(weighed.as_ref(), w.as_mut())?;
+        let w = op.solve(force.as_ref());
         let mut kw = force;
         let mw = product(self.pencil.mass(), w.as_ref());
         kw += faer::Scale(sigma) * &mw;
@@ -344,22 +486,4 @@ fn combine(z: &Mat<f64>, q: MatRef<'_, c64>) -> Mat<c64> {
     };
     let (re, im) = (part(&|v| v.re), part(&|v| v.im));
     Mat::from_fn(z.nrows(), q.ncols(), |i, j| c64::new(re[(i, j)], im[(i, j)]))
-}
-
-fn divide_by_mass(mass: &[Map6<f64>], mut x: MatMut<'_, f64>) -> Result<()> {
-    for (b, m) in mass.iter().enumerate() {
-        let inverse =
-            m.aa.try_inverse().ok_or_else(|| Error::singular(format!("body {b} has no rotational inertia")))?;
-        for c in 0..x.ncols() {
-            for k in 0..3 {
-                x[(6 * b + k, c)] /= m.ll[(k, k)];
-            }
-            let old = crate::spatial::V3::from_fn(|k, _| x[(6 * b + 3 + k, c)]);
-            let new = inverse * old;
-            for k in 0..3 {
-                x[(6 * b + 3 + k, c)] = new[k];
-            }
-        }
-    }
-    Ok(())
 }

@@ -1,125 +1,195 @@
 //! The linearised model in absolute coordinates, sparse: O(n_bodies), whatever the depth of the tree.
 //!
-//! Each body moves by a twist x about its centre of mass, world axes, bodies in the order of the model. With the gradients g of
-//! the elastic coordinates (twist of b against a at p_B) and of the constraints,
+//! Each body moves by a twist about its centre of mass, world axes; modal coordinates follow behind all bodies, and a node of a flexible
+//! body is a massless body on constant columns behind its frame. It is the tangent of the same scene whose tree has no joints
+//! (`place_free`): elements, loads and multipliers have one text, `path` spreads it over two bodies here and along the tree elsewhere. With
+//! the gradients g of the elastic coordinates and of the constraints,
 //! ```text
-//! M x" + C x' + (K_geo + sum w g g^T) x + Phi^T lam = 0,   Phi x = 0
+//! M x" + D x' + (S + sum w g g^T) x + Phi^T lam = 0,   Phi x = 0
 //! ```
-//! All joints are constraints here, those of the spanning tree too. An interaction with the wrench W on b about the fixed point P
-//! and the tangent K_g proportional to its force changes by dW = K_g (x_b - x_a) + x_a x* W, and its moment about a centre of
-//! mass c that moves by dc by -dc x F more: these are the blocks of K_geo, whose sum is symmetric in equilibrium.
+//! All joints are constraints here, those of the spanning tree too. S is symmetric in equilibrium, unless forces have no potential.
 use faer::Mat;
+use nalgebra::DMatrix;
 
-use crate::constraint::loop_lengths::bounds;
-use crate::constraint::loops::{LoopBlocks, column_scales};
+use crate::constraint::loops::LoopBlocks;
 use crate::constraint::singular_pose::reduction;
 use crate::error::{Error, Result};
 use crate::joint::Coordinate;
+use crate::linalg::entries::{Entries as Collect, Triplets};
 use crate::linalg::matrix::Matrix;
-use crate::model::layout::flag::{HAS_PRELOAD, LENGTH_GIVEN};
-use crate::model::layout::{bushing, joint, spring_damper, torsion};
+use crate::linalg::sparse::Csc;
+use crate::linearize::loaded::loaded;
+use crate::linearize::sparse_motion::{Motion, motion};
 use crate::model::tables::{BodyRef, Tables};
 use crate::multibody::System;
 use crate::multibody::assemble::{Effects, Scene};
-use crate::multibody::connector::{
-    CoordinateTangent, Interaction, Wanted, constraint_interaction, constraint_rows, coordinate_tangent, interaction,
-    load_interaction,
-};
-use crate::multibody::numbers::Numbers;
-use crate::multibody::placement;
-use crate::multibody::placement::Placement;
-use crate::multibody::placement::State;
-use crate::multibody::placement::drawn_q;
-use crate::multibody::placement::place;
-use crate::multibody::topology::Owner;
+use crate::multibody::connector::{Elastic, Wanted, constraint_rows, interaction, load_interaction};
+use crate::multibody::flexible::{Fold, node_rates};
+use crate::multibody::path::{add_tangent, path};
+use crate::multibody::placement::{Placement, State, free_rates, place, place_free};
+use crate::multibody::potential::has_no_potential;
+use crate::multibody::topology::{Purpose, Topology};
 use crate::run::Counts;
-use crate::spatial::{Map6, Six, V3};
-use crate::tolerances::constraints::CLOSED_ROUNDING;
-use crate::tolerances::coordinates::SAME_POINT;
+use crate::spatial::{Six, V3};
 use crate::tolerances::matrices::{NO_ENERGY, NO_SPRING};
 
 pub type Entries = Vec<(usize, usize, f64)>;
 
 pub struct SparseForm {
-    /// 6 x 6 about the centre of mass, per body of the model
-    pub mass: Vec<Map6<f64>>,
+    /// M
+    pub mass: Entries,
     /// rows g of elastic coordinates and of constraints: (row, column, value)
     pub rows: Entries,
     /// 1/w per row; zero for constraints
     pub compliance: Vec<f64>,
-    /// connector of each elastic row
+    /// connector of each elastic row, behind all connectors the flexible body; None of constraints
     pub connector: Vec<Option<usize>>,
-    pub geometric: Entries,
+    /// S
+    pub stiffness: Entries,
+    /// D
     pub damping: Entries,
+    /// whether S or D may have parts that are not symmetric
+    pub general: bool,
+    /// of a state that moves: then rows of joints are there in place of constraints
+    pub motion: Option<Motion>,
     pub placement: Placement<f64>,
+    /// the topology of the coordinates, and where they are
+    pub free: Topology,
+    pub free_placement: Placement<f64>,
     pub loops: Option<LoopBlocks>,
     /// largest generalised force out of balance over the size of all forces, and its tree coordinate
     pub unbalanced: (f64, usize),
 }
 
 impl SparseForm {
-    pub fn new(system: &System, state: &State, effects: Effects, counts: &mut Counts) -> Result<Self> {
-        check(system, state)?;
+    /// `acceleration` of the tree coordinates at z" = 0, as of a linearisation; empty means zero.
+    pub fn new(
+        system: &System,
+        state: &State,
+        acceleration: &[f64],
+        effects: Effects,
+        counts: &mut Counts,
+    ) -> Result<Self> {
+        check(system, state, effects)?;
         let topology = &*system.topology;
-        let placement = place(topology, &system.geometry, &state.q, None);
-        let loaded = loaded(system, state, effects)?;
+        let free = Topology::new(Tables { absolute: true, ..topology.tables.clone() })?;
+        let rate = state.moving().then_some(state.rate.as_slice());
+        let placement = place(topology, &system.geometry, &state.q, rate);
+        let free_placement = place_free(&free, topology, &system.geometry, &placement, rate);
+        let scene = |topology, placement, rate, acceleration| Scene {
+            topology,
+            geometry: &system.geometry,
+            x: &system.x,
+            memory: &[],
+            placement,
+            rate,
+            acceleration,
+            t: 0.0,
+            effects,
+        };
+        let given = Some(acceleration).filter(|a| rate.is_some() && !a.is_empty());
+        let tree = scene(topology, &placement, rate, given);
+        let centres = centres(&tree);
+        let moved = rate.zip(placement.velocity.as_ref()).map(|(rate, v)| {
+            let rates = free_rates(&free, topology, rate, v);
+            (rates, free_accelerations(&free, topology, &centres))
+        });
+        let (rates, accelerations) = (moved.as_ref().map(|m| m.0.as_slice()), moved.as_ref().map(|m| m.1.as_slice()));
+        let motion = rate.map(|_| motion(&tree, &free, &centres));
+        let fold = Fold::of(&free, &system.geometry);
+        let columns = free.dofs.len();
+        let empty = || Matrix::zeros(columns, columns, true);
         let mut builder = Builder {
-            scene: Scene {
-                topology,
-                geometry: &system.geometry,
-                x: &system.x,
-                memory: &[],
-                placement: &placement,
-                rate: None,
-                acceleration: None,
-                t: 0.0,
-                effects,
-            },
+            tree,
+            free: scene(&free, &free_placement, rates, accelerations),
             system,
+            fold: fold.as_ref(),
+            general: has_no_potential(system) || rate.is_some(),
+            loaded: rate.is_some() || loaded(system, state, effects)?,
             rows: Vec::new(),
             compliance: Vec::new(),
             connector: Vec::new(),
-            geometric: Vec::new(),
-            damping: Vec::new(),
+            stiffness: empty(),
+            damping: empty(),
         };
-        builder.connectors()?;
-        let (loops, lam) = builder.loops(loaded, counts)?;
-        builder.constraints(loops.as_ref());
+        let mass = builder.inertia(counts);
+        builder.connectors(counts)?;
+        builder.modal()?;
+        let (loops, lam) = builder.loops(counts)?;
+        if motion.is_none() {
+            builder.constraints(loops.as_ref());
+        }
         let mut unbalanced = (0.0, 0);
-        if loaded {
-            builder.geometric_stiffness(&lam, counts);
+        if builder.loaded {
+            builder.loads(counts);
+            if motion.is_none() {
+                builder.multipliers(&lam, counts);
+            }
             unbalanced = builder.unbalanced(&lam, loops.as_ref());
         }
         counts.add("sparse rows", builder.compliance.len() as u64);
-        let Builder { rows, compliance, connector, geometric, damping, .. } = builder;
+        let Builder { rows, compliance, connector, stiffness, damping, general, .. } = builder;
+        let size = free.n_tree;
+        let settled = |list: Entries| if general { list } else { symmetrised(size, list) };
+        let [stiffness, damping] = [stiffness, damping].map(|m| settled(folded(&m, fold.as_ref())));
         Ok(SparseForm {
-            mass: masses(system, &placement),
+            mass,
             rows,
             compliance,
             connector,
-            geometric: symmetrised(geometric),
-            damping: symmetrised(damping),
+            stiffness,
+            damping,
+            general,
+            motion,
             placement,
+            free,
+            free_placement,
             loops,
             unbalanced,
         })
     }
 
-    /// Increments of the minimal coordinates from a motion of the bodies: per tree joint the relative twist along its columns.
+    /// Number of coordinates.
+    pub fn size(&self) -> usize {
+        self.free.n_tree
+    }
+
+    /// Twists of all bodies about their centres of mass, then of the nodes of flexible ones, from the coordinates.
+    pub fn bodies(&self, system: &System, x: &[f64]) -> Vec<f64> {
+        let (free, placed) = (&self.free, &self.free_placement);
+        let nodes = node_rates(free, &system.geometry, x);
+        let value = |d: usize| if d < x.len() { x[d] } else { nodes[d - x.len()] };
+        let mut twist: Vec<Six<f64>> = Vec::with_capacity(free.nodes.len());
+        let mut out = vec![0.0; 6 * free.nodes.len()];
+        for (i, node) in free.nodes.iter().enumerate() {
+            let carried =
+                node.parent.map_or_else(Six::zero, |p| twist[p].motion_at(&(placed.pose[i].p - placed.pose[p].p)));
+            let own = (node.first..node.first + node.n).fold(carried, |sum, d| sum + placed.column[d].scaled(value(d)));
+            (0..6).for_each(|k| out[6 * node.body + k] = own.get(k));
+            twist.push(own);
+        }
+        out
+    }
+
+    /// Increments of the minimal coordinates: per tree joint the relative twist along its columns, of shapes themselves.
     pub fn minimal(&self, system: &System, x: &[f64]) -> Vec<f64> {
         let topology = &*system.topology;
-        let mut y = vec![0.0; topology.dofs.len()];
+        let moved = self.bodies(system, x);
+        let mut y = vec![0.0; topology.n_tree];
         let length = system.length;
-        for (i, node) in topology.nodes.iter().enumerate() {
+        for (i, node) in topology.nodes.iter().enumerate().filter(|(_, n)| !n.kind.is_modal()) {
             let at = &self.placement.pose[i].p;
-            let own = twist(x, node.body);
+            let own = twist(&moved, node.body);
             let carried = node.parent.map_or_else(Six::zero, |p| {
-                twist(x, topology.nodes[p].body).motion_at(&(at - self.placement.pose[p].p))
+                twist(&moved, topology.nodes[p].body).motion_at(&(at - self.placement.pose[p].p))
             });
             let columns = &self.placement.column[node.first..node.first + node.n];
             for (k, v) in along(columns, &(own - carried), length).iter().enumerate() {
                 y[node.first + k] = *v;
             }
+        }
+        for (own, free) in topology.modal.iter().zip(&self.free.modal) {
+            y[own.first..own.first + own.m].copy_from_slice(&x[free.first..free.first + free.m]);
         }
         match &self.loops {
             None => y,
@@ -128,7 +198,7 @@ impl SparseForm {
     }
 }
 
-pub fn twist(x: &[f64], body: usize) -> Six<f64> {
+fn twist(x: &[f64], body: usize) -> Six<f64> {
     let at = |k: usize| x[6 * body + k];
     Six::new(V3::new(at(0), at(1), at(2)), V3::new(at(3), at(4), at(5)))
 }
@@ -145,133 +215,117 @@ fn along(columns: &[Six<f64>], v: &Six<f64>, length: f64) -> Vec<f64> {
     }
 }
 
-fn check(system: &System, state: &State) -> Result<()> {
-    let topology = &*system.topology;
+/// Per node of the tree: the acceleration of its centre of mass, and its angular acceleration.
+fn centres(tree: &Scene<'_, f64>) -> Vec<Six<f64>> {
+    let Some(velocity) = tree.placement.velocity.as_ref() else { return Vec::new() };
+    let spatial = tree.free_accelerations();
+    let centre = |(a, v): (Six<f64>, &Six<f64>)| Six::new(a.l + v.a.cross(&v.l), a.a);
+    spatial.into_iter().zip(&velocity.body).map(centre).collect()
+}
+
+fn free_accelerations(free: &Topology, topology: &Topology, centres: &[Six<f64>]) -> Vec<f64> {
+    let mut out = vec![0.0; free.n_tree];
+    for node in &free.nodes {
+        let a = &centres[topology.node_of_body[node.body]];
+        (0..6).for_each(|k| out[node.first + k] = a.get(k));
+    }
+    out
+}
+
+fn check(system: &System, state: &State, effects: Effects) -> Result<()> {
     let dense = "mb.modes(m) without n= takes the dense route, which knows them";
-    if state.moving() {
+    let topology = &*system.topology;
+    if state.moving() && (!topology.rows.is_empty() || topology.is_flexible()) {
         return Err(Error::route(format!(
-            "the sparse route of large models knows states at rest only; this one moves: {dense}"
+            "of states that move the sparse route of large models knows open trees of rigid bodies only, without drives, couplers and constraints: {dense}"
         )));
     }
-    if topology.tables.loads.iter().any(|l| l.follower || l.torque) {
+    if state.moving()
+        && !(effects.gyroscopic
+            && effects.centrifugal
+            && effects.constraint_force_stiffness
+            && effects.preload_stiffness)
+    {
         return Err(Error::route(format!(
-            "follower loads and torques make the stiffness nonsymmetric, which the sparse route of large models does not know: {dense}"
+            "of states that move the sparse route of large models leaves out no effect but forces: {dense}"
         )));
     }
-    if let Some(name) = topology.tables.unusual() {
+    if let Some(air) = system.topology.tables.air.first() {
         return Err(Error::route(format!(
-            "'{name}' is a nonholonomic joint, a drive, a coupler, a flexible body or air, which the sparse route of large models does not know: {dense}"
+            "'{}' is air, which the sparse route of large models does not know: {dense}",
+            air.name
         )));
     }
     Ok(())
 }
 
-/// Does anything carry force? A drawn state without cause for force has none; rounding must not make one.
-fn loaded(system: &System, state: &State, effects: Effects) -> Result<bool> {
-    let topology = &*system.topology;
-    let closed = closing(system, state, effects)?;
-    let (t, x): (&Tables, _) = (&topology.tables, &system.x);
-    let nonzero = |start: usize, n: usize| x[start..start + n].iter().any(|v| *v != 0.0);
-    let apart = |a: usize, b: usize| {
-        let p = V3::from_fn(|k, _| x[a + k]);
-        let q = V3::from_fn(|k, _| x[b + k]);
-        (q - p).norm() > SAME_POINT * (system.length + p.norm())
-    };
-    let gravity = effects.gravity && system.geometry.gravity.is_some_and(|g| g.norm() > 0.0);
-    let joint = |j: &crate::model::tables::JointSpec| {
-        j.flags & HAS_PRELOAD != 0 && nonzero(j.x + joint::PRELOAD, 6)
-            || j.kind.has_length() && (j.flags & LENGTH_GIVEN != 0 || x[j.x + joint::LENGTH] != 0.0)
-            || !j.kind.has_length() && apart(j.x + joint::AT_A, j.x + joint::AT_B)
-    };
-    let element = |e: &crate::model::tables::ElementSpec| {
-        use crate::model::tables::ElementKind::*;
-        match e.kind {
-            Bushing => {
-                e.flags & HAS_PRELOAD != 0 && nonzero(e.x + bushing::PRELOAD, 6)
-                    || apart(e.x + bushing::AT_A, e.x + bushing::AT_B)
-            }
-            SpringDamper => {
-                x[e.x + spring_damper::LENGTH] != 0.0
-                    || e.flags & LENGTH_GIVEN != 0
-                    || e.flags & HAS_PRELOAD != 0 && x[e.x + spring_damper::PRELOAD] != 0.0
-            }
-            Torsion => x[e.x + torsion::ANGLE] != 0.0 || e.flags & HAS_PRELOAD != 0 && x[e.x + torsion::PRELOAD] != 0.0,
-        }
-    };
-    let from_drawn = placement::difference(topology, &drawn_q(topology, &system.geometry), &state.q);
-    let scales = column_scales(topology, system.length);
-    Ok(gravity
-        || !t.loads.is_empty()
-        || !t.laws.is_empty()
-        || !t.functions.is_empty()
-        || t.joints.iter().any(joint)
-        || t.elements.iter().any(element)
-        || from_drawn.iter().zip(&scales).any(|(d, scale)| d.abs() > closed * scale))
+/// (A + A^T)/2. Duplicates are added up first: each entry and its mirror are then the same sum of two, to the last bit.
+pub fn symmetrised(n: usize, entries: Entries) -> Entries {
+    let a = Csc::from_entries(n, n, entries);
+    a.combined(0.5, 0.5, &a.transposed()).entries().collect()
 }
 
-/// By how much closing loops that are drawn closed may move joints: rounding of points, in lengths of their loops or radians.
-fn closing(system: &System, state: &State, effects: Effects) -> Result<f64> {
-    if system.topology.rows.is_empty() {
-        return Ok(SAME_POINT);
-    }
-    let rows = &system.decision(effects)?.rows;
-    let rounding = bounds(system, &state.q, effects, rows).into_iter().fold(0.0, f64::max);
-    Ok((CLOSED_ROUNDING * rounding).max(SAME_POINT))
-}
-
-fn masses(system: &System, placement: &Placement<f64>) -> Vec<Map6<f64>> {
-    let topology = &*system.topology;
-    let of = |(i, body): (usize, &crate::model::geometry::BodyGeometry<f64>)| {
-        let r = &placement.pose[topology.node_of_body[i]].r;
-        let inertia = r * body.inertia * r.transpose();
-        Map6 {
-            ll: crate::spatial::scaled_identity(body.mass),
-            aa: (inertia + inertia.transpose()) * 0.5,
-            ..Map6::zero()
-        }
-    };
-    system.geometry.bodies.iter().enumerate().map(of).collect()
-}
-
-/// (A + A^T)/2 entry by entry; duplicates add up later.
-fn symmetrised(entries: Entries) -> Entries {
-    let mirrored: Vec<_> = entries.iter().map(|(i, j, v)| (*j, *i, 0.5 * v)).collect();
-    let halves = entries.into_iter().map(|(i, j, v)| (i, j, 0.5 * v));
-    halves.chain(mirrored).collect()
+/// From the columns to the coordinates.
+fn folded(matrix: &Matrix, fold: Option<&Fold<'_, f64>>) -> Entries {
+    let mut list = Vec::new();
+    matrix.each(|i, j, v| match fold {
+        _ if v == 0.0 => {}
+        None => list.push((i, j, v)),
+        Some(fold) => fold.each(i, v, |i, v| fold.each(j, v, |j, v| list.push((i, j, v)))),
+    });
+    list
 }
 
 struct Builder<'a> {
-    scene: Scene<'a, f64>,
+    /// along the tree, and with every body free
+    tree: Scene<'a, f64>,
+    free: Scene<'a, f64>,
     system: &'a System,
+    fold: Option<&'a Fold<'a, f64>>,
+    general: bool,
+    loaded: bool,
     rows: Entries,
     compliance: Vec<f64>,
     connector: Vec<Option<usize>>,
-    geometric: Entries,
-    damping: Entries,
+    /// over the columns, behind the coordinates those of nodes
+    stiffness: Matrix,
+    damping: Matrix,
 }
 
-/// A gradient at P as entries on the columns of its two bodies.
+/// A row over the coordinates.
 type Spread = Vec<(usize, f64)>;
 
-impl Builder<'_> {
-    fn arm(&self, body: usize, point: &V3<f64>) -> V3<f64> {
-        let node = self.scene.topology.node_of_body[body];
-        point - self.scene.placement.pose[node].p
+impl<'a> Builder<'a> {
+    fn empty(&self) -> Matrix {
+        let columns = self.free.topology.dofs.len();
+        Matrix::zeros(columns, columns, true)
     }
 
-    /// g . (x_b - x_a) at P as a row over the bodies' twists.
-    fn spread(&self, a: BodyRef, b: BodyRef, point: &V3<f64>, g: &Six<f64>) -> Spread {
-        let mut out = Vec::with_capacity(12);
-        for (body, sign) in [(a, -1.0), (b, 1.0)] {
-            let Some(body) = body else { continue };
-            // g . motion_at(arm) = (g about the centre of mass) . x
-            let own = g.wrench_at(&-self.arm(body, point));
-            out.extend((0..6).filter_map(|k| {
-                let v = sign * own.get(k);
-                (v != 0.0).then_some((6 * body + k, v))
-            }));
+    /// M; what gravity and velocities do to shapes and bodies goes into S and D.
+    fn inertia(&mut self, counts: &mut Counts) -> Entries {
+        let (mass, stiffness, gyroscopic) = self.free.inertia_tangent(counts, || self.empty());
+        if self.loaded {
+            stiffness.each(|i, j, v| self.stiffness.add(i, j, v));
         }
-        out
+        if let Some(gyroscopic) = gyroscopic {
+            gyroscopic.each(|i, j, v| self.damping.add(i, j, v));
+        }
+        folded(&mass, self.fold)
+    }
+
+    /// g . (x_b - x_a) at a point.
+    fn spread(&self, a: BodyRef, b: BodyRef, point: &V3<f64>, g: &Six<f64>) -> Spread {
+        let entries = path(self.free.topology, self.free.placement, a, b, point);
+        let mut out = Vec::with_capacity(12);
+        for entry in entries {
+            let v = g.dot(&entry.signed());
+            match self.fold {
+                _ if v == 0.0 => {}
+                None => out.push((entry.dof, v)),
+                Some(fold) => fold.each(entry.dof, v, |k, v| out.push((k, v))),
+            }
+        }
+        merged(out)
     }
 
     fn push_row(&mut self, row: Spread, compliance: f64, connector: Option<usize>) {
@@ -281,78 +335,71 @@ impl Builder<'_> {
         self.connector.push(connector);
     }
 
-    fn wanted(&self) -> Wanted {
-        Wanted {
-            tangent: true,
-            geometric: false,
-            damping: self.scene.effects.damping,
-            laws: self.scene.effects.law_slopes,
-            friction: self.scene.effects.friction,
-            contact: self.scene.effects.contact,
-        }
-    }
-
-    fn numbers(&self) -> Numbers<'_, f64> {
-        self.scene.numbers()
-    }
-
-    fn connectors(&mut self) -> Result<()> {
-        let topology = self.scene.topology;
-        for (index, c) in topology.connectors.iter().enumerate() {
-            let t = coordinate_tangent(
-                topology,
-                self.scene.geometry,
-                self.scene.placement,
-                self.numbers(),
-                c,
-                self.wanted(),
-            );
-            let rows: Vec<Spread> = t.gradients.iter().map(|g| self.spread(c.a, c.b, &t.point, g)).collect();
-            self.elastic_rows(index, &t, &rows)?;
-            if t.damped {
-                self.add_damping(&t, &rows);
+    /// Elastic parts as rows, the rest as entries.
+    fn connectors(&mut self, counts: &mut Counts) -> Result<()> {
+        let effects = self.free.effects;
+        let geometric = self.loaded && effects.preload_stiffness;
+        let wanted = Wanted { tangent: true, geometric, laws: effects.law_slopes, ..effects.wanted() };
+        let (topology, geometry, placement) = (self.free.topology, self.free.geometry, self.free.placement);
+        for (index, c) in topology.connectors.iter().enumerate().filter(|(_, c)| wanted.acts(c)) {
+            let mut acting = interaction(topology, geometry, placement, self.free.numbers(), c, wanted);
+            if let Some(Elastic { gradients, k, c: slopes }) = acting.elastic.take() {
+                let rows: Vec<Spread> = gradients.iter().map(|g| self.spread(c.a, c.b, &acting.point, g)).collect();
+                let n = rows.len();
+                self.elastic_rows(index, &DMatrix::from_fn(n, n, |i, j| k[i][j]), &rows)?;
+                if acting.damped {
+                    add_products(&mut self.damping, &DMatrix::from_fn(n, n, |i, j| slopes[i][j]), &rows);
+                }
+            }
+            let damping = acting.damped.then_some(&mut self.damping);
+            add_tangent(topology, placement, &acting, geometric, &mut self.stiffness, damping);
+            if geometric && !acting.wrench.is_absent() {
+                counts.add("preload stiffness", 1);
             }
         }
         Ok(())
     }
 
-    /// One row for each principal stiffness. Scaled by its diagonal first, so that the units of a bushing do not mix.
-    fn elastic_rows(&mut self, index: usize, t: &CoordinateTangent<f64>, rows: &[Spread]) -> Result<()> {
+    /// Stiffness and damping of shapes.
+    fn modal(&mut self) -> Result<()> {
+        let first = self.free.topology.connectors.len();
+        for (i, (modal, g)) in self.free.topology.modal.iter().zip(&self.free.geometry.flexible).enumerate() {
+            let rows: Vec<Spread> = (0..modal.m).map(|k| vec![(modal.first + k, 1.0)]).collect();
+            self.elastic_rows(first + i, &DMatrix::from_row_slice(modal.m, modal.m, &g.k), &rows)?;
+            if g.damped && self.free.effects.damping {
+                add_products(&mut self.damping, &DMatrix::from_row_slice(modal.m, modal.m, &g.c), &rows);
+            }
+        }
+        Ok(())
+    }
+
+    /// One row for each principal stiffness, scaled by its diagonal first, so that the units of a bushing do not mix; a skew part goes
+    /// into S.
+    fn elastic_rows(&mut self, index: usize, k: &DMatrix<f64>, rows: &[Spread]) -> Result<()> {
         let n = rows.len();
-        let k = |i: usize, j: usize| 0.5 * (t.k[i][j] + t.k[j][i]);
-        let diagonal = (0..n).all(|i| (0..n).all(|j| i == j || t.k[i][j] == 0.0));
-        if diagonal {
+        let mean = |i: usize, j: usize| 0.5 * (k[(i, j)] + k[(j, i)]);
+        if (0..n).all(|i| (0..n).all(|j| i == j || k[(i, j)] == 0.0)) {
             for (i, row) in rows.iter().enumerate() {
-                self.spring(row.clone(), t.k[i][i], index);
+                self.spring(row.clone(), k[(i, i)], index);
             }
             return Ok(());
         }
         let size = |i: usize| {
-            let d = k(i, i).abs();
+            let d = k[(i, i)].abs();
             if d > 0.0 { d.sqrt() } else { 1.0 }
         };
-        let skewed = (0..n).any(|i| (0..n).any(|j| (t.k[i][j] - t.k[j][i]).abs() > NO_ENERGY * size(i) * size(j)));
+        let skewed = (0..n).any(|i| (0..n).any(|j| (k[(i, j)] - k[(j, i)]).abs() > NO_ENERGY * size(i) * size(j)));
         if skewed {
-            let topology = self.scene.topology;
-            let name = match topology.connectors[index].owner {
-                Owner::Element(e) => &topology.tables.elements[e].name,
-                Owner::Joint(j) => &topology.tables.joints[j].name,
-            };
-            return Err(Error::route(format!(
-                "the stiffness of '{name}' is not symmetric, which the sparse route of large models does not know: mb.modes(m) \
-                 without n= takes the dense route"
-            )));
+            self.general = true;
+            add_products(&mut self.stiffness, &DMatrix::from_fn(n, n, |i, j| k[(i, j)] - mean(i, j)), rows);
         }
-        let scaled = Mat::from_fn(n, n, |i, j| k(i, j) / (size(i) * size(j)));
+        let scaled = Mat::from_fn(n, n, |i, j| mean(i, j) / (size(i) * size(j)));
         let eigen = scaled
             .self_adjoint_eigen(faer::Side::Lower)
             .map_err(|_| Error::singular("a stiffness matrix could not be diagonalised"))?;
         let (u, w) = (eigen.U(), eigen.S().column_vector());
         let largest = (0..n).map(|p| w[p].abs()).fold(0.0, f64::max);
-        for p in 0..n {
-            if w[p].abs() <= NO_SPRING * largest {
-                continue;
-            }
+        for p in (0..n).filter(|p| w[*p].abs() > NO_SPRING * largest) {
             let mut sum: Spread = Vec::new();
             for (i, row) in rows.iter().enumerate() {
                 let s = u[(i, p)] * size(i);
@@ -368,112 +415,101 @@ impl Builder<'_> {
         if w > 0.0 {
             self.push_row(row, 1.0 / w, Some(index));
         } else if w < 0.0 {
-            for (i, a) in &row {
-                self.geometric.extend(row.iter().map(|(j, b)| (*i, *j, w * a * b)));
-            }
+            add_products(&mut self.stiffness, &DMatrix::from_element(1, 1, w), &[row]);
         }
     }
 
-    fn add_damping(&mut self, t: &CoordinateTangent<f64>, rows: &[Spread]) {
-        for (i, left) in rows.iter().enumerate() {
-            for (j, right) in rows.iter().enumerate() {
-                let c = t.c[i][j];
-                if c == 0.0 {
-                    continue;
-                }
-                for (p, a) in left {
-                    self.damping.extend(right.iter().map(|(q, b)| (*p, *q, c * a * b)));
-                }
-            }
-        }
-    }
-
-    fn loops(&self, loaded: bool, counts: &mut Counts) -> Result<(Option<LoopBlocks>, Vec<f64>)> {
-        if self.scene.topology.rows.is_empty() {
+    fn loops(&self, counts: &mut Counts) -> Result<(Option<LoopBlocks>, Vec<f64>)> {
+        if self.tree.topology.rows.is_empty() {
             return Ok((None, Vec::new()));
         }
         counts.add("loop factorisations", 1);
-        let mut jacobian = Matrix::zeros(self.scene.topology.rows.len(), self.system.n_tree(), true);
-        self.scene.constraints_into(&mut jacobian);
-        let decision = self.system.decision(self.scene.effects)?;
-        let loops = reduction(self.system, &self.scene, &jacobian, &decision)?;
-        let lam = match (&loops, loaded) {
-            (Some(l), true) => l.multipliers(&jacobian, &decision.rows, self.scene.residual(None).as_slice()),
-            _ => vec![0.0; self.scene.topology.rows.len()],
+        let mut jacobian = Matrix::zeros(self.tree.topology.rows.len(), self.system.n_tree(), true);
+        self.tree.constraints_into(&mut jacobian);
+        let decision = self.system.decision(self.tree.effects)?;
+        let loops = reduction(self.system, &self.tree, &jacobian, &decision)?;
+        let lam = match (&loops, self.loaded) {
+            (Some(l), true) => l.multipliers(&jacobian, &decision.rows, self.tree.residual(None).as_slice()),
+            _ => vec![0.0; self.tree.topology.rows.len()],
         };
         Ok((loops, lam))
     }
 
+    /// The rows that are needed: those of tree joints and of cut ones, of drives, couplers and functions.
     fn constraints(&mut self, loops: Option<&LoopBlocks>) {
-        let topology = self.scene.topology;
-        for node in &topology.nodes {
-            if let Some(joint) = node.joint {
-                self.constrain(joint, topology.tables.joints[joint].kind.constraints());
+        let rows = &self.free.topology.rows;
+        let mut gradients = Matrix::zeros(rows.len(), self.free.topology.n_tree, true);
+        self.free.constraints_into(&mut gradients);
+        let mut spread: Vec<Spread> = vec![Vec::new(); rows.len()];
+        gradients.each(|i, j, v| {
+            if v != 0.0 {
+                spread[i].push((j, v));
             }
+        });
+        let mut needed: Vec<bool> = rows.iter().map(|row| self.free.effects.row(row)).collect();
+        for (of_tree, i) in self.row_places().into_iter().enumerate() {
+            needed[i] &= loops.is_none_or(|l| l.dropped.binary_search(&of_tree).is_err());
         }
-        for (i, row) in topology.rows.iter().enumerate() {
-            if loops.is_none_or(|l| l.dropped.binary_search(&i).is_err()) {
-                self.constrain(row.joint, &[row.coordinate]);
-            }
+        for (row, _) in spread.into_iter().zip(needed).filter(|(_, needed)| *needed) {
+            self.push_row(merged(row), 0.0, None);
         }
     }
 
-    fn constrain(&mut self, joint: usize, coordinates: &[Coordinate]) {
-        let spec = &self.scene.topology.tables.joints[joint];
-        let (point, rows) =
-            constraint_rows(self.scene.topology, self.scene.geometry, self.scene.placement, joint, coordinates);
-        for (_, g) in rows {
-            self.push_row(self.spread(spec.a, spec.b, &point, &g), 0.0, None);
+    /// Where the rows of the tree are among those with every body free, which has the rows of all joints, in the same order.
+    fn row_places(&self) -> Vec<usize> {
+        let (own, all) = (&self.tree.topology.rows, &self.free.topology.rows);
+        let is_cut = |joint: usize| self.tree.topology.cut.binary_search(&joint).is_ok();
+        let kept = (0..all.len()).filter(|i| all[*i].purpose != Purpose::Joint || is_cut(all[*i].joint));
+        let places: Vec<usize> = kept.collect();
+        debug_assert_eq!(places.len(), own.len());
+        places
+    }
+
+    fn loads(&mut self, counts: &mut Counts) {
+        let (topology, placement) = (self.free.topology, self.free.placement);
+        for load in (0..topology.tables.loads.len()).filter(|l| topology.tables.loads[*l].mode.is_none()) {
+            let acting = load_interaction(topology, self.free.geometry, placement, load, self.free.t, Wanted::GEOMETRY);
+            add_tangent(topology, placement, &acting, true, &mut self.stiffness, None);
+            counts.add("load tangents", 1);
         }
     }
 
-    fn geometric_stiffness(&mut self, lam: &[f64], counts: &mut Counts) {
-        let topology = self.scene.topology;
-        let (geometry, placement) = (self.scene.geometry, self.scene.placement);
-        let effects = self.scene.effects;
-        if effects.preload_stiffness {
-            let wanted = Wanted { geometric: true, ..self.wanted() };
-            for c in &topology.connectors {
-                let of = |wanted| interaction(topology, geometry, placement, self.numbers(), c, wanted);
-                let (with, without) = (of(wanted), of(self.wanted()));
-                if let (Some((k, _)), Some((elastic, _))) = (&with.tangent, &without.tangent) {
-                    let k = difference(k, elastic);
-                    self.add_interaction(&with, &k);
-                    counts.add("preload stiffness", 1);
-                }
+    /// The stiffness of all forces in joints.
+    fn multipliers(&mut self, lam: &[f64], counts: &mut Counts) {
+        if !self.free.effects.constraint_force_stiffness {
+            return;
+        }
+        let mut all = vec![0.0; self.free.topology.rows.len()];
+        for (i, l) in self.row_places().into_iter().zip(lam) {
+            all[i] = *l;
+        }
+        let mut of_joint = vec![None; self.free.topology.tables.joints.len()];
+        for (i, row) in self.free.topology.rows.iter().enumerate().rev() {
+            if row.purpose == Purpose::Joint {
+                of_joint[row.joint] = Some(i);
             }
         }
-        for load in 0..topology.tables.loads.len() {
-            let acting = load_interaction(topology, geometry, placement, load, self.scene.t, Wanted::GEOMETRY);
-            if let Some((k, _)) = acting.tangent {
-                self.add_interaction(&acting, &k);
-                counts.add("load tangents", 1);
+        for (joint, rows) in self.tree_multipliers(lam) {
+            if let Some(first) = of_joint[joint] {
+                rows.iter().enumerate().for_each(|(k, (_, l))| all[first + k] = *l);
             }
         }
-        if effects.constraint_force_stiffness {
-            let mut carried = self.tree_multipliers(lam);
-            carried.extend(self.scene.cut_multipliers(lam));
-            for (joint, rows) in carried {
-                let acting = constraint_interaction(topology, geometry, placement, joint, &rows, Wanted::GEOMETRY);
-                if let Some((k, _)) = acting.tangent {
-                    self.add_interaction(&acting, &k);
-                    counts.add("constraint-force stiffness", 1);
-                }
-            }
-        }
+        let n = self.free.topology.n_tree;
+        let mut made = Triplets::new(n, n);
+        self.free.multiplier_stiffness_into(&all, &mut made, counts);
+        made.list.into_iter().for_each(|(i, j, v)| self.stiffness.add(i as usize, j as usize, v));
     }
 
     /// Multipliers of the tree joints from the wrenches of their subtrees, W = -sum lam g.
     fn tree_multipliers(&self, lam: &[f64]) -> Vec<(usize, Vec<(Coordinate, f64)>)> {
-        let topology = self.scene.topology;
-        let subtree = self.scene.subtree_wrenches(self.scene.body_wrenches(Some(lam)));
+        let topology = self.tree.topology;
+        let subtree = self.tree.subtree_wrenches(self.tree.body_wrenches(Some(lam)));
         let mut out = Vec::new();
         for (i, node) in topology.nodes.iter().enumerate() {
             let Some(joint) = node.joint else { continue };
             let coordinates = topology.tables.joints[joint].kind.constraints();
-            let (point, rows) =
-                constraint_rows(topology, self.scene.geometry, self.scene.placement, joint, coordinates);
-            let w = subtree[i].wrench_at(&(point - self.scene.placement.pose[i].p));
+            let (point, rows) = constraint_rows(topology, self.tree.geometry, self.tree.placement, joint, coordinates);
+            let w = subtree[i].wrench_at(&(point - self.tree.placement.pose[i].p));
             let w = if node.reversed { w } else { -w };
             let gradients: Vec<Six<f64>> = rows.into_iter().map(|(_, g)| g).collect();
             let lam = along(&gradients, &w, 1.0);
@@ -482,37 +518,10 @@ impl Builder<'_> {
         out
     }
 
-    /// The blocks of an interaction, each column the change of wrenches for a unit motion of one body.
-    fn add_interaction(&mut self, acting: &Interaction<f64>, k: &Map6<f64>) {
-        let force = acting.wrench.l;
-        if force.norm() + acting.wrench.a.norm() == 0.0 {
-            return;
-        }
-        for (moved, is_b) in [(acting.a, false), (acting.b, true)] {
-            let Some(moved) = moved else { continue };
-            for j in 0..6 {
-                let mut unit = [0.0; 6];
-                unit[j] = 1.0;
-                let own = twist(&unit, 0);
-                let xi = own.motion_at(&self.arm(moved, &acting.point));
-                let dw = if is_b { k.apply(&xi) } else { -k.apply(&xi) + xi.cross_force(&acting.wrench) };
-                for (body, sign) in [(acting.a, 1.0), (acting.b, -1.0)] {
-                    let Some(body) = body else { continue };
-                    let mut change = dw.wrench_at(&-self.arm(body, &acting.point));
-                    if body == moved {
-                        change.a -= own.l.cross(&force);
-                    }
-                    let block = (0..6).map(|i| (6 * body + i, 6 * moved + j, sign * change.get(i)));
-                    self.geometric.extend(block.filter(|e| e.2 != 0.0));
-                }
-            }
-        }
-    }
-
     fn unbalanced(&self, lam: &[f64], loops: Option<&LoopBlocks>) -> (f64, usize) {
-        let residual = self.scene.residual(Some(lam));
+        let residual = self.tree.residual(Some(lam));
         let (topology, length) = (&self.system.topology, self.system.length);
-        let sizes = self.scene.force_sizes(length);
+        let sizes = self.tree.force_sizes(length);
         let places: Vec<usize> = loops.map_or_else(|| (0..residual.len()).collect(), |l| l.independent.clone());
         let part = |i: usize| match sizes[topology.island_of(i)] {
             size if size > 0.0 => residual[i].abs() * topology.scale(i, length) / size,
@@ -522,8 +531,15 @@ impl Builder<'_> {
     }
 }
 
-fn difference(a: &Map6<f64>, b: &Map6<f64>) -> Map6<f64> {
-    Map6 { ll: a.ll - b.ll, la: a.la - b.la, al: a.al - b.al, aa: a.aa - b.aa }
+/// sum k_ij g_i^T g_j.
+fn add_products(out: &mut Matrix, k: &DMatrix<f64>, rows: &[Spread]) {
+    for (i, left) in rows.iter().enumerate() {
+        for (j, right) in rows.iter().enumerate().filter(|(j, _)| k[(i, *j)] != 0.0) {
+            for (p, a) in left {
+                right.iter().for_each(|(q, b)| out.add(*p, *q, k[(i, j)] * a * b));
+            }
+        }
+    }
 }
 
 fn merged(mut row: Spread) -> Spread {

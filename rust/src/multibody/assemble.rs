@@ -302,6 +302,28 @@ impl<T: Real> Scene<'_, T> {
         counts: &mut Counts,
         empty: impl Fn() -> E,
     ) -> Tangent<T, E> {
+        let (mass, mut stiffness, gyroscopic) = self.inertia_tangent(counts, &empty);
+        let mut damping = self.damped().then(&empty);
+        self.add_connectors(&mut stiffness, damping.as_mut(), counts);
+        self.add_modal_stiffness(&mut stiffness, damping.as_mut().filter(|_| self.effects.damping));
+        self.add_loads(&mut stiffness, counts);
+        self.add_air(&mut stiffness, damping.as_mut(), counts);
+        if let Some(lam) = lam.filter(|_| self.effects.constraint_force_stiffness) {
+            self.add_multiplier_stiffness(lam, &mut stiffness, counts);
+        }
+        self.add_switched(&mut stiffness);
+        if self.effects.constraint_force_stiffness && T::NDERIV == 0 {
+            self.count_carrying_joints(counts);
+        }
+        Tangent { mass, damping, gyroscopic, stiffness, number: PhantomData }
+    }
+
+    /// M, K of gravity and of velocities, and the gyroscopic matrix of a state that moves.
+    pub(crate) fn inertia_tangent<E: Entries<T>>(
+        &self,
+        counts: &mut Counts,
+        empty: impl Fn() -> E,
+    ) -> (E, E, Option<E>) {
         let (mut mass, mut stiffness) = (empty(), empty());
         let moving = self.rate.is_some();
         // of a closed loop the stiffness reads them too, since B'' turns
@@ -325,19 +347,7 @@ impl<T: Real> Scene<'_, T> {
         if moving && (self.effects.gyroscopic || self.effects.centrifugal) {
             counts.add("velocity terms", 1);
         }
-        let mut damping = self.damped().then(&empty);
-        self.add_connectors(&mut stiffness, damping.as_mut(), counts);
-        self.add_modal_stiffness(&mut stiffness, damping.as_mut().filter(|_| self.effects.damping));
-        self.add_loads(&mut stiffness, counts);
-        self.add_air(&mut stiffness, damping.as_mut(), counts);
-        if let Some(lam) = lam.filter(|_| self.effects.constraint_force_stiffness) {
-            self.add_multiplier_stiffness(lam, &mut stiffness, counts);
-        }
-        self.add_switched(&mut stiffness);
-        if self.effects.constraint_force_stiffness && T::NDERIV == 0 {
-            self.count_carrying_joints(counts);
-        }
-        Tangent { mass, damping, gyroscopic, stiffness, number: PhantomData }
+        (mass, stiffness, gyroscopic)
     }
 
     fn add_connectors<E: Entries<T>>(&self, stiffness: &mut E, mut damping: Option<&mut E>, counts: &mut Counts) {

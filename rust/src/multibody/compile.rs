@@ -62,7 +62,11 @@ impl Topology {
             air_memory,
             turning: Vec::new(),
         };
-        made.turning = made.turning_hinges();
+        // without a tree no hinge has a coordinate
+        made.turning = match made.tables.absolute {
+            true => vec![Default::default(); made.tables.joints.len() + made.tables.elements.len()],
+            false => made.turning_hinges(),
+        };
         Ok(made)
     }
 

@@ -103,7 +103,7 @@ fn relative_between<T: Real>(
         r: product_of_transpose(&a.r, &b.r),
         radius: pair.radius,
         pitch: pair.pitch,
-        turned: topology.turned(&placement.q, pair.number),
+        turned: placement.turned(topology, pair.number),
     }
 }
 
@@ -181,7 +181,6 @@ pub struct CoordinateTangent<T: Real> {
     pub force: [T; 6],
     pub k: [[T; 6]; 6],
     pub c: [[T; 6]; 6],
-    pub damped: bool,
 }
 
 /// The tangent of a connector before it is spread to bodies or coordinates, at rest.
@@ -199,7 +198,7 @@ pub fn coordinate_tangent<T: Real>(
     let gradients = rows.iter().map(|r| r.g.rotated(&here.a.r)).collect();
     let e = strains(connector, geometry, numbers, &here, &rows);
     let made = response(connector, numbers, &e, None, wanted);
-    CoordinateTangent { point: here.b.p, gradients, force: made.force, k: made.k, c: made.c, damped: made.damped }
+    CoordinateTangent { point: here.b.p, gradients, force: made.force, k: made.k, c: made.c }
 }
 
 /// d(e')/d(xi) at a given relative twist field: (h xi) . v + g_l . (omega x xi_t).

@@ -94,7 +94,7 @@ impl<'g, T: Real> Fold<'g, T> {
     }
 
     /// The coordinates that a column belongs to, with its weights in them.
-    fn each(&self, column: usize, v: T, mut to: impl FnMut(usize, T)) {
+    pub(crate) fn each(&self, column: usize, v: T, mut to: impl FnMut(usize, T)) {
         if column < self.n_tree {
             return to(column, v);
         }

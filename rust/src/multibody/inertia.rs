@@ -118,6 +118,13 @@ impl<T: Real> InertiaInput<'_, T> {
         self.accelerations().body
     }
 
+    /// First and second rate of each motion column by the motion of what carries it, gravity left out.
+    pub fn column_rates(&self) -> (Vec<Six<T>>, Vec<Six<T>>) {
+        let free = InertiaInput { gravity: None, ..*self };
+        let made = carried_columns(&free, &free.accelerations());
+        (made.first.unwrap_or_else(|| vec![Six::zero(); made.second.len()]), made.second)
+    }
+
     /// The same of one rigid body, whose acceleration is given.
     pub fn rigid_force(&self, node: usize, a: &Six<T>) -> Six<T> {
         let own = self.rigid(node);

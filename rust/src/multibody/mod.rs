@@ -17,6 +17,7 @@
 //! spectrum    singular values of rows against their rounding
 //! rank        which of them are redundant, decided once
 //! decision    what was decided
+//! potential   which forces have none
 //! remoteness  rounding of places beside the arms of bodies
 //! islands     bodies that nothing connects
 //! singular_pose  where they depend on each other to first order only
@@ -41,6 +42,7 @@ pub mod numbers;
 pub mod parts;
 pub mod path;
 pub mod placement;
+pub mod potential;
 pub mod remoteness;
 pub mod rotations;
 pub mod topology;

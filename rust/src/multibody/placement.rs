@@ -30,6 +30,8 @@ pub struct Placement<T: Real> {
     pub velocity: Option<Velocity<T>>,
     /// modal coordinates of all flexible bodies, in the order of tree coordinates
     pub modal: Vec<T>,
+    /// how far the two angles of each marker pair have turned, where q does not tell
+    pub turns: Option<Vec<[f64; 2]>>,
 }
 
 #[derive(Debug, Clone)]
@@ -176,10 +178,65 @@ pub fn place<T: Real>(topology: &Topology, geometry: &Geometry<T>, q: &[T], rate
         let nodes = node_rates(topology, geometry, rate);
         velocities(topology, &pose, &column, rate, nodes)
     });
-    Placement { q: q.to_vec(), pose, column, velocity, modal }
+    Placement { q: q.to_vec(), pose, column, velocity, modal, turns: None }
+}
+
+/// The same place in a topology without joints in its tree: each body with its own six columns, translations and rotations of its
+/// centre of mass in world axes, each node of a flexible body behind its frame.
+pub fn place_free(
+    free: &Topology,
+    topology: &Topology,
+    geometry: &Geometry<f64>,
+    placement: &Placement<f64>,
+    rate: Option<&[f64]>,
+) -> Placement<f64> {
+    let place = |body: usize| topology.node_of_body[body];
+    let pose: Vec<_> = free.nodes.iter().map(|n| placement.pose[place(n.body)]).collect();
+    let mut column = vec![Six::zero(); free.dofs.len()];
+    for (i, node) in free.nodes.iter().enumerate() {
+        let own = &mut column[node.first..node.first + node.n];
+        if !node.kind.is_modal() {
+            for (k, freedom) in node.kind.freedoms(false).iter().enumerate() {
+                let axis = M3::identity().column(freedom.axis).into_owned();
+                own[k] = freedom.twist(&axis, &V3::zeros(), 0.0);
+            }
+            continue;
+        }
+        let w = node_values(free, geometry, node, &placement.modal);
+        let carrier = node.parent.map_or_else(Pose::identity, |p| pose[p]);
+        let rest = carrier.then(&markers(free, geometry, node).0);
+        let (frame, tip) = if node.reversed { (&pose[i], &rest.p) } else { (&carrier, &pose[i].p) };
+        node_columns(frame, tip, &pose[i].p, &w, node.reversed, own);
+    }
+    let velocity = rate.zip(placement.velocity.as_ref()).map(|(rate, v)| {
+        let rate = free_rates(free, topology, rate, v);
+        let nodes = node_rates(free, geometry, &rate);
+        velocities(free, &pose, &column, &rate, nodes)
+    });
+    let pairs = topology.tables.joints.len() + topology.tables.elements.len();
+    let turns = Some((0..pairs).map(|pair| placement.turned(topology, pair)).collect());
+    Placement { q: Vec::new(), pose, column, velocity, modal: placement.modal.clone(), turns }
+}
+
+/// Rates of the coordinates of `place_free`.
+pub fn free_rates(free: &Topology, topology: &Topology, rate: &[f64], velocity: &Velocity<f64>) -> Vec<f64> {
+    let mut out = vec![0.0; free.n_tree];
+    for node in free.nodes.iter().filter(|n| !n.kind.is_modal()) {
+        let v = &velocity.body[topology.node_of_body[node.body]];
+        (0..6).for_each(|k| out[node.first + k] = v.get(k));
+    }
+    for (own, given) in free.modal.iter().zip(&topology.modal) {
+        out[own.first..own.first + own.m].copy_from_slice(&rate[given.first..given.first + given.m]);
+    }
+    out
 }
 
 impl<T: Real> Placement<T> {
+    /// About how far the two angles of a marker pair have turned.
+    pub(crate) fn turned(&self, topology: &Topology, pair: usize) -> [f64; 2] {
+        self.turns.as_ref().map_or_else(|| topology.turned(&self.q, pair), |all| all[pair])
+    }
+
     /// The same place at other rates.
     pub fn at_rates(mut self, topology: &Topology, geometry: &Geometry<T>, rate: &[T]) -> Self {
         let nodes = node_rates(topology, geometry, rate);

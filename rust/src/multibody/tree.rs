@@ -23,7 +23,9 @@ pub(crate) fn spanning_tree(tables: &Tables) -> (Vec<Node>, Vec<usize>) {
         used: vec![false; tables.joints.len()],
         first: 0,
         q: 0,
-        free: (0..tables.joints.len()).filter(|j| tables.joints[*j].kind.role() == Role::Frees).collect(),
+        free: (0..tables.joints.len())
+            .filter(|j| tables.joints[*j].kind.role() == Role::Frees && !tables.absolute)
+            .collect(),
         next_body: 0,
     };
     let mut queue = VecDeque::from([None]);

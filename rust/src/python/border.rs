@@ -7,7 +7,7 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::time::Duration;
 
 use faer::MatRef;
-use numpy::{Complex64, PyArray2, PyReadonlyArray2, PyUntypedArrayMethods};
+use numpy::{Complex64, PyArray1, PyArray2, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::create_exception;
 use pyo3::exceptions::{PyException, PyKeyboardInterrupt};
 use pyo3::prelude::*;
@@ -245,16 +245,89 @@ pub fn matrix(array: &PyReadonlyArray2<'_, f64>) -> faer::Mat<f64> {
     faer::Mat::from_fn(view.nrows(), view.ncols(), |i, j| view[(i, j)])
 }
 
+/// A matrix that may be absent.
+pub type Given<'py> = Option<PyReadonlyArray2<'py, f64>>;
+
+pub fn optional(array: &Given<'_>) -> Option<faer::Mat<f64>> {
+    array.as_ref().map(matrix)
+}
+
+/// Numbers that become a NumPy array (n,) in Python.
+pub struct Vector<T>(pub Vec<T>);
+
+impl<'py, T: numpy::Element> IntoPyObject<'py> for Vector<T> {
+    type Target = PyArray1<T>;
+    type Output = Bound<'py, PyArray1<T>>;
+    type Error = std::convert::Infallible;
+
+    fn into_pyobject(self, py: Python<'py>) -> std::result::Result<Self::Output, Self::Error> {
+        Ok(PyArray1::from_vec(py, self.0))
+    }
+}
+
+/// A matrix that becomes a NumPy array (rows, columns) in Python.
+pub struct Dense<T>(pub faer::Mat<T>);
+
+impl<'py, T: numpy::Element + Copy> IntoPyObject<'py> for Dense<T> {
+    type Target = PyArray2<T>;
+    type Output = Bound<'py, PyArray2<T>>;
+    type Error = std::convert::Infallible;
+
+    fn into_pyobject(self, py: Python<'py>) -> std::result::Result<Self::Output, Self::Error> {
+        let m = &self.0;
+        Ok(filled(py, m.nrows(), m.ncols(), |i, j| m[(i, j)]))
+    }
+}
+
+/// Rows of one length that become a NumPy array (rows, columns) in Python.
+pub struct Rows<T>(Vec<Vec<T>>);
+
+impl<T> Rows<T> {
+    pub fn new(rows: Vec<Vec<T>>) -> Result<Self> {
+        if rows.windows(2).any(|pair| pair[0].len() != pair[1].len()) {
+            return Err(Error::model("rows of different lengths are no array"));
+        }
+        Ok(Rows(rows))
+    }
+}
+
+impl<'py, T: numpy::Element + Copy> IntoPyObject<'py> for Rows<T> {
+    type Target = PyArray2<T>;
+    type Output = Bound<'py, PyArray2<T>>;
+    type Error = std::convert::Infallible;
+
+    fn into_pyobject(self, py: Python<'py>) -> std::result::Result<Self::Output, Self::Error> {
+        let rows = self.0;
+        Ok(filled(py, rows.len(), rows.first().map_or(0, Vec::len), |i, j| rows[i][j]))
+    }
+}
+
+impl<'py> IntoPyObject<'py> for Counts {
+    type Target = PyDict;
+    type Output = Bound<'py, PyDict>;
+    type Error = PyErr;
+
+    fn into_pyobject(self, py: Python<'py>) -> PyResult<Self::Output> {
+        counts_dict(py, &self)
+    }
+}
+
 pub fn to_numpy<'py>(py: Python<'py>, m: MatRef<'_, f64>) -> Bound<'py, PyArray2<f64>> {
-    let rows = m.nrows();
-    let array = PyArray2::<f64>::zeros(py, [rows, m.ncols()], false);
-    fill(&array, |i, j| m[(i, j)]);
-    array
+    filled(py, m.nrows(), m.ncols(), |i, j| m[(i, j)])
 }
 
 pub fn to_numpy_complex<'py>(py: Python<'py>, m: MatRef<'_, Complex64>) -> Bound<'py, PyArray2<Complex64>> {
-    let array = PyArray2::<Complex64>::zeros(py, [m.nrows(), m.ncols()], false);
-    fill(&array, |i, j| m[(i, j)]);
+    filled(py, m.nrows(), m.ncols(), |i, j| m[(i, j)])
+}
+
+fn filled<T: numpy::Element + Copy>(
+    py: Python<'_>,
+    rows: usize,
+    columns: usize,
+    value: impl Fn(usize, usize) -> T,
+) -> Bound<'_, PyArray2<T>> {
+    let array = PyArray2::<T>::zeros(py, [rows, columns], false);
+    fill(&array, value);
     array
 }
 

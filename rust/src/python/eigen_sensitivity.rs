@@ -2,40 +2,16 @@
 use faer::Mat;
 use numpy::{Complex64, PyArray3, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyList};
 
-use super::border::{counts_dict, guarded, interruptible, matrix, to_numpy_complex};
-use super::modal::{LARGE, Optional, optional};
+use super::border::{Dense, guarded, interruptible};
+use super::second_order::{LARGE, PySecondOrder};
 use crate::error::Result;
 use crate::run::Counts;
-use crate::second_order::SecondOrder;
 use crate::second_order::eigen_sensitivity::{Directions, Known, Slices, eigen_sensitivity, shape_derivatives};
 
 pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(eigen_sensitivities, module)?)?;
     module.add_function(wrap_pyfunction!(shape_sensitivities, module)?)
-}
-
-#[derive(FromPyObject)]
-struct Matrices<'py>(
-    PyReadonlyArray2<'py, f64>,
-    Optional<'py>,
-    Optional<'py>,
-    PyReadonlyArray2<'py, f64>,
-    Optional<'py>,
-);
-
-impl Matrices<'_> {
-    fn system(&self) -> Result<SecondOrder> {
-        SecondOrder::new(
-            matrix(&self.0),
-            optional(&self.1),
-            optional(&self.2),
-            matrix(&self.3),
-            optional(&self.4),
-            None,
-        )
-    }
 }
 
 /// Eigenvalues, shapes, left vectors, rigid, near-defective, groups.
@@ -100,38 +76,46 @@ fn complex_matrix(array: &PyReadonlyArray2<'_, Complex64>) -> Mat<Complex64> {
     Mat::from_fn(view.nrows(), view.ncols(), |i, j| view[(i, j)])
 }
 
+/// Derivatives of the roots, and the matrices of the groups of equal ones.
+#[derive(IntoPyObject)]
+struct Roots<'py> {
+    eigenvalue: Dense<Complex64>,
+    groups: Vec<Bound<'py, PyArray3<Complex64>>>,
+}
+
+/// Derivatives of the shapes.
+#[derive(IntoPyObject)]
+struct Shapes<'py> {
+    shape: Bound<'py, PyArray3<Complex64>>,
+    counts: Counts,
+}
+
 #[pyfunction]
 fn eigen_sensitivities<'py>(
     py: Python<'py>,
-    matrices: Matrices<'py>,
+    system: PyRef<'py, PySecondOrder>,
     modes: Modes<'py>,
     changes: Changes<'py>,
-) -> PyResult<Bound<'py, PyDict>> {
-    let system = matrices.system()?;
+) -> PyResult<Roots<'py>> {
+    let system = system.0.second_order()?;
     let known = modes.known();
     let directions = changes.directions(system.size())?;
     let large = system.size() >= LARGE;
     let work = move || eigen_sensitivity(&system, &known, &directions);
     let result = if large { interruptible(py, move |_| work())? } else { guarded(py, work)? };
-    let dict = PyDict::new(py);
-    dict.set_item("eigenvalue", to_numpy_complex(py, result.eigenvalue.as_ref()))?;
-    let groups = PyList::empty(py);
-    for group in &result.groups {
-        groups.append(stacked(py, group))?;
-    }
-    dict.set_item("groups", groups)?;
-    Ok(dict)
+    let groups = result.groups.iter().map(|group| stacked(py, group)).collect();
+    Ok(Roots { eigenvalue: Dense(result.eigenvalue), groups })
 }
 
 #[pyfunction]
 fn shape_sensitivities<'py>(
     py: Python<'py>,
-    matrices: Matrices<'py>,
+    system: PyRef<'py, PySecondOrder>,
     modes: Modes<'py>,
     changes: Changes<'py>,
     ds: PyReadonlyArray2<'py, Complex64>,
-) -> PyResult<Bound<'py, PyDict>> {
-    let system = matrices.system()?;
+) -> PyResult<Shapes<'py>> {
+    let system = system.0.second_order()?;
     let known = modes.known();
     let directions = changes.directions(system.size())?;
     let ds = complex_matrix(&ds);
@@ -143,10 +127,7 @@ fn shape_sensitivities<'py>(
     };
     let (shapes, counts) =
         if large { interruptible(py, work)? } else { guarded(py, || work(&crate::run::Cancel::default()))? };
-    let dict = PyDict::new(py);
-    dict.set_item("shape", stacked(py, &shapes))?;
-    dict.set_item("counts", counts_dict(py, &counts)?)?;
-    Ok(dict)
+    Ok(Shapes { shape: stacked(py, &shapes), counts })
 }
 
 /// Matrices of one size as an array whose first axis counts them.

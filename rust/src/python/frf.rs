@@ -2,33 +2,25 @@
 use std::sync::Arc;
 
 use faer::{Mat, c64};
-use numpy::{
-    Complex64, IntoPyArray, PyArray1, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3,
-    PyUntypedArrayMethods,
-};
+use numpy::{Complex64, IntoPyArray, PyArray1, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3};
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
 
-use super::border::{counts_dict, interruptible, matrix, to_numpy};
+use super::border::{Dense, Given, interruptible, matrix};
 use crate::error::{Error, Result};
-use crate::linalg::quadratic::Quadratic;
 use crate::memory;
-use crate::second_order::frf::Reduction;
+use crate::run::Counts;
 use crate::second_order::frf_resonances;
-use crate::second_order::frf_sensitivity;
-use crate::second_order::frf_sensitivity::Entry;
-use crate::second_order::frf_sensitivity::Variation;
+use crate::second_order::frf_sensitivity::{self, Entry, Variation};
 use crate::second_order::history::History;
+use crate::second_order::linear_system::LinearSystem;
 use crate::second_order::ports::Ports;
-use crate::second_order::response;
-use crate::second_order::response::Linear;
+use crate::second_order::response::{Linear, Motion};
 use crate::second_order::response_sensitivity;
 
 pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(resonances, module)?)?;
     module.add_function(wrap_pyfunction!(unseen_resonances, module)?)?;
-    module.add_function(wrap_pyfunction!(missed_resonances, module)?)?;
-    module.add_class::<FrfReduction>()
+    module.add_function(wrap_pyfunction!(missed_resonances, module)?)
 }
 
 type M2<'py> = PyReadonlyArray2<'py, f64>;
@@ -54,196 +46,203 @@ fn missed_resonances(omega: Vec<f64>, h: Roots<'_>, suspects: Vec<f64>, peaks: R
     frf_resonances::missed(&omega, &h.as_array().to_vec(), &suspects, &peaks.as_array().to_vec())
 }
 
-/// What does not depend on frequency or ports: reduced once, used for any number of evaluations.
-#[pyclass(frozen, module = "mbrs._core")]
-pub struct FrfReduction {
-    inner: Arc<Reduction>,
+/// Output map L (n_out, n), input map F (n, n_in), the derivative of each input that acts, and what outputs see of the inputs at once.
+#[derive(FromPyObject)]
+pub struct Maps<'py>(M2<'py>, M2<'py>, Vec<u32>, Given<'py>);
+
+/// rad/s
+pub type Omega<'py> = PyReadonlyArray1<'py, f64>;
+
+/// Times, loads (n_in, n_t), their bulges, and the state before the first time.
+#[derive(FromPyObject)]
+pub struct Loads<'py>(
+    PyReadonlyArray1<'py, f64>,
+    M2<'py>,
+    M2<'py>,
+    PyReadonlyArray1<'py, f64>,
+    PyReadonlyArray1<'py, f64>,
+);
+
+/// Number of parameters, and derivatives of M, D, S, F, L and D0 with a last axis of that size, or None where nothing changes.
+#[derive(FromPyObject)]
+pub struct Changes<'py>(
+    usize,
+    Option<M3<'py>>,
+    Option<M3<'py>>,
+    Option<M3<'py>>,
+    Option<M3<'py>>,
+    Option<M3<'py>>,
+    Option<M3<'py>>,
+);
+
+/// Names of the derivatives in `Changes`.
+const CHANGES: [&str; 6] = ["dM", "dD", "dS", "dF", "dL", "dD0"];
+
+/// Transfer functions as Python has them.
+#[derive(IntoPyObject)]
+pub struct Values<'py> {
+    value: Bound<'py, PyAny>,
+    route: &'static str,
+    error: f64,
+    singular: Vec<usize>,
+    counts: Counts,
 }
 
-#[pymethods]
-impl FrfReduction {
-    #[new]
-    #[pyo3(signature = (m, d, s))]
-    fn new(py: Python<'_>, m: M2<'_>, d: Option<M2<'_>>, s: M2<'_>) -> PyResult<Self> {
-        let n = m.shape()[0] as f64;
-        memory::require(
-            8.0 * REDUCTION * n * n,
-            &format!("a reduction of {n} coordinates"),
-            "reduce the system to its lowest modes",
-        )?;
-        let (m, d, s) = (matrix(&m), d.map(|d| matrix(&d)), matrix(&s));
-        let inner = interruptible(py, move |_| Reduction::new(Quadratic::new(m, d, s)?))?;
-        Ok(FrfReduction { inner: Arc::new(inner) })
+/// Their derivatives.
+#[derive(IntoPyObject)]
+pub struct Derivatives<'py> {
+    value: Bound<'py, PyAny>,
+    error: f64,
+    singular: Vec<usize>,
+    counts: Counts,
+}
+
+/// Motion of the outputs (n_out, n_t), with what the bulges of the loads add to it.
+#[derive(IntoPyObject)]
+pub struct Moved {
+    displacement: Dense<f64>,
+    displacement_error: Dense<f64>,
+    velocity: Dense<f64>,
+    velocity_error: Dense<f64>,
+    acceleration: Dense<f64>,
+    acceleration_error: Dense<f64>,
+    route: &'static str,
+    counts: Counts,
+}
+
+impl Moved {
+    fn new(motion: Motion, route: &'static str) -> Self {
+        let ([y, v, a], [dy, dv, da]) = (motion.y.map(Dense), motion.error.map(Dense));
+        Moved {
+            displacement: y,
+            displacement_error: dy,
+            velocity: v,
+            velocity_error: dv,
+            acceleration: a,
+            acceleration_error: da,
+            route,
+            counts: motion.counts,
+        }
+    }
+}
+
+impl Maps<'_> {
+    pub fn ports(self, order_out: u32) -> Ports {
+        Ports { l: matrix(&self.0), f: matrix(&self.1), order_in: self.2, order_out, d0: self.3.as_ref().map(matrix) }
+    }
+}
+
+impl Loads<'_> {
+    fn history(&self) -> History {
+        History { t: self.0.as_array().to_vec(), u: matrix(&self.1), bulge: matrix(&self.2) }
     }
 
-    /// Poles in rad/s, or None where the mass matrix is not positive definite.
-    #[getter]
-    fn poles<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray1<Complex64>>> {
-        self.inner.poles().map(|p| p.into_pyarray(py))
+    fn start(&self) -> (Vec<f64>, Vec<f64>) {
+        (self.3.as_array().to_vec(), self.4.as_array().to_vec())
     }
+}
 
-    #[getter]
-    fn counts<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        counts_dict(py, &self.inner.counts)
-    }
-
-    #[pyo3(signature = (l, f, order_in, d0, order_out, omega, modes=None, checked=true))]
-    #[allow(clippy::too_many_arguments)]
-    fn evaluate<'py>(
-        &self,
-        py: Python<'py>,
-        l: M2<'_>,
-        f: M2<'_>,
-        order_in: Vec<u32>,
-        d0: Option<M2<'_>>,
-        order_out: u32,
-        omega: PyReadonlyArray1<'_, f64>,
-        modes: Option<usize>,
-        checked: bool,
-    ) -> PyResult<Bound<'py, PyDict>> {
-        let ports = ports(&l, &f, order_in, d0.as_ref(), order_out);
-        let omega: Vec<f64> = omega.as_array().to_vec();
-        let shape = [ports.l.nrows(), ports.f.ncols(), omega.len()];
-        values_fit("transfer functions", &shape)?;
-        let inner = self.inner.clone();
-        let values = interruptible(py, move |cancel| inner.evaluate(&ports, &omega, modes, checked, cancel))?;
-        let out = PyDict::new(py);
-        out.set_item("value", values.h.into_pyarray(py).reshape(shape)?)?;
-        out.set_item("route", values.route.name())?;
-        out.set_item("error", values.error)?;
-        out.set_item("singular", values.singular)?;
-        out.set_item("counts", counts_dict(py, &values.counts)?)?;
+impl Changes<'_> {
+    /// What parameter p changes, in the order of `CHANGES`: None where it is all zero.
+    fn slices(&self, n: usize, ports: &Ports, p: usize) -> Result<[Option<Mat<f64>>; 6]> {
+        let all = [&self.1, &self.2, &self.3, &self.4, &self.5, &self.6];
+        let mut out = [const { None }; 6];
+        for ((out, name), a) in out.iter_mut().zip(CHANGES).zip(all) {
+            *out = parameter_slice(name, a, shape(name, n, ports), self.0, p)?;
+        }
         Ok(out)
     }
+}
 
-    /// dH along parameters; matrices (n, n, n_p) and the like, or None where nothing changes.
-    #[pyo3(signature = (l, f, order_in, d0, order_out, omega, n_p, dm, dd, ds, df, dl, dd0))]
-    #[allow(clippy::too_many_arguments)]
-    fn sensitivity<'py>(
-        &self,
-        py: Python<'py>,
-        l: M2<'_>,
-        f: M2<'_>,
-        order_in: Vec<u32>,
-        d0: Option<M2<'_>>,
-        order_out: u32,
-        omega: PyReadonlyArray1<'_, f64>,
-        n_p: usize,
-        dm: Option<M3<'_>>,
-        dd: Option<M3<'_>>,
-        ds: Option<M3<'_>>,
-        df: Option<M3<'_>>,
-        dl: Option<M3<'_>>,
-        dd0: Option<M3<'_>>,
-    ) -> PyResult<Bound<'py, PyDict>> {
-        let ports = ports(&l, &f, order_in, d0.as_ref(), order_out);
-        let omega: Vec<f64> = omega.as_array().to_vec();
-        let n = self.inner.q.n();
-        let shapes = shapes(n, &ports);
-        let variations = (0..n_p)
-            .map(|p| {
-                let slice = |name, a: &Option<M3<'_>>| parameter_slice(name, a, shapes(name), n_p, p);
-                Ok(Variation {
-                    entries: entries(slice("dM", &dm)?, slice("dD", &dd)?, slice("dS", &ds)?),
-                    df: slice("dF", &df)?,
-                    dl: slice("dL", &dl)?,
-                    dd0: slice("dD0", &dd0)?,
-                })
-            })
-            .collect::<Result<Vec<_>>>()?;
-        let shape = [ports.l.nrows(), ports.f.ncols(), omega.len(), n_p];
-        values_fit("derivatives of transfer functions", &shape)?;
-        let inner = self.inner.clone();
-        let values = interruptible(py, move |cancel| {
-            frf_sensitivity::sensitivity(&inner.q, &ports, &variations, &omega, cancel)
-        })?;
-        let out = PyDict::new(py);
-        out.set_item("value", values.dh.into_pyarray(py).reshape(shape)?)?;
-        out.set_item("error", values.error)?;
-        out.set_item("singular", values.singular)?;
-        out.set_item("counts", counts_dict(py, &values.counts)?)?;
-        Ok(out)
-    }
+pub fn evaluate<'py>(
+    py: Python<'py>,
+    system: Arc<LinearSystem>,
+    ports: Ports,
+    omega: &Omega<'_>,
+    modes: Option<usize>,
+    checked: bool,
+) -> PyResult<Values<'py>> {
+    fits(&system)?;
+    let omega: Vec<f64> = omega.as_array().to_vec();
+    let shape = [ports.l.nrows(), ports.f.ncols(), omega.len()];
+    values_fit("transfer functions", &shape)?;
+    let found = interruptible(py, move |cancel| system.evaluate(&ports, &omega, modes, checked, cancel))?;
+    Ok(Values {
+        value: found.h.into_pyarray(py).reshape(shape)?.into_any(),
+        route: found.route.name(),
+        error: found.error,
+        singular: found.singular,
+        counts: found.counts,
+    })
+}
 
-    /// Motion of the outputs under loads u (n_in, n_t), linear between the times t.
-    #[pyo3(signature = (l, f, order_in, d0, t, u, bulge, x0, v0))]
-    #[allow(clippy::too_many_arguments)]
-    fn response<'py>(
-        &self,
-        py: Python<'py>,
-        l: M2<'_>,
-        f: M2<'_>,
-        order_in: Vec<u32>,
-        d0: Option<M2<'_>>,
-        t: PyReadonlyArray1<'_, f64>,
-        u: M2<'_>,
-        bulge: M2<'_>,
-        x0: PyReadonlyArray1<'_, f64>,
-        v0: PyReadonlyArray1<'_, f64>,
-    ) -> PyResult<Bound<'py, PyDict>> {
-        let ports = ports(&l, &f, order_in, d0.as_ref(), 0);
-        let history = history(&t, &u, &bulge);
-        let (x0, v0) = (x0.as_array().to_vec(), v0.as_array().to_vec());
-        let inner = self.inner.clone();
-        let (motion, route) = interruptible(py, move |cancel| {
-            let linear = Linear::new(&inner, &ports, &x0, &v0)?;
-            Ok((linear.run(&history, cancel)?, linear.route))
-        })?;
-        let out = motion_dict(py, &motion)?;
-        out.set_item("route", route)?;
-        Ok(out)
-    }
+pub fn sensitivity<'py>(
+    py: Python<'py>,
+    system: Arc<LinearSystem>,
+    ports: Ports,
+    omega: &Omega<'_>,
+    changes: &Changes<'_>,
+) -> PyResult<Derivatives<'py>> {
+    let omega: Vec<f64> = omega.as_array().to_vec();
+    let one = |p| {
+        let [dm, dd, ds, df, dl, dd0] = changes.slices(system.size(), &ports, p)?;
+        Ok(Variation { entries: entries(dm, dd, ds), df, dl, dd0 })
+    };
+    let variations = (0..changes.0).map(one).collect::<Result<Vec<_>>>()?;
+    let shape = [ports.l.nrows(), ports.f.ncols(), omega.len(), changes.0];
+    values_fit("derivatives of transfer functions", &shape)?;
+    let found = interruptible(py, move |cancel| {
+        frf_sensitivity::sensitivity(system.quadratic(), &ports, &variations, &omega, cancel)
+    })?;
+    Ok(Derivatives {
+        value: found.dh.into_pyarray(py).reshape(shape)?.into_any(),
+        error: found.error,
+        singular: found.singular,
+        counts: found.counts,
+    })
+}
 
-    /// Derivative of the motion along parameters, one dict per parameter.
-    #[pyo3(signature = (l, f, order_in, d0, t, u, bulge, x0, v0, n_p, dm, dd, ds, df, dl, dd0))]
-    #[allow(clippy::too_many_arguments)]
-    fn response_sensitivity<'py>(
-        &self,
-        py: Python<'py>,
-        l: M2<'_>,
-        f: M2<'_>,
-        order_in: Vec<u32>,
-        d0: Option<M2<'_>>,
-        t: PyReadonlyArray1<'_, f64>,
-        u: M2<'_>,
-        bulge: M2<'_>,
-        x0: PyReadonlyArray1<'_, f64>,
-        v0: PyReadonlyArray1<'_, f64>,
-        n_p: usize,
-        dm: Option<M3<'_>>,
-        dd: Option<M3<'_>>,
-        ds: Option<M3<'_>>,
-        df: Option<M3<'_>>,
-        dl: Option<M3<'_>>,
-        dd0: Option<M3<'_>>,
-    ) -> PyResult<Vec<Bound<'py, PyDict>>> {
-        let ports = ports(&l, &f, order_in, d0.as_ref(), 0);
-        let history = history(&t, &u, &bulge);
-        let (x0, v0) = (x0.as_array().to_vec(), v0.as_array().to_vec());
-        let shapes = shapes(self.inner.q.n(), &ports);
-        let changes = (0..n_p)
-            .map(|p| {
-                let slice = |name: &'static str, a: &Option<M3<'_>>| -> Result<Mat<f64>> {
-                    let (rows, cols) = shapes(name);
-                    let value = parameter_slice(name, a, (rows, cols), n_p, p)?;
-                    Ok(value.unwrap_or_else(|| Mat::zeros(rows, cols)))
-                };
-                Ok(response_sensitivity::Variation {
-                    dm: slice("dM", &dm)?,
-                    dd: slice("dD", &dd)?,
-                    ds: slice("dS", &ds)?,
-                    df: slice("dF", &df)?,
-                    dl: slice("dL", &dl)?,
-                    dd0: slice("dD0", &dd0)?,
-                })
-            })
-            .collect::<Result<Vec<_>>>()?;
-        let inner = self.inner.clone();
-        let motions = interruptible(py, move |cancel| {
-            response_sensitivity::sensitivities(&inner, &ports, &changes, (&x0, &v0), &history, cancel)
-        })?;
-        motions.iter().map(|m| motion_dict(py, m)).collect()
-    }
+pub fn response(py: Python<'_>, system: Arc<LinearSystem>, ports: Ports, loads: Loads<'_>) -> PyResult<Moved> {
+    fits(&system)?;
+    let (history, (x0, v0)) = (loads.history(), loads.start());
+    interruptible(py, move |cancel| {
+        let linear = Linear::new(&system, &ports, &x0, &v0)?;
+        Ok(Moved::new(linear.run(&history, cancel)?, linear.route))
+    })
+}
+
+pub fn response_sensitivity(
+    py: Python<'_>,
+    system: Arc<LinearSystem>,
+    ports: Ports,
+    loads: Loads<'_>,
+    changes: &Changes<'_>,
+) -> PyResult<Vec<Moved>> {
+    let (history, (x0, v0)) = (loads.history(), loads.start());
+    let n = system.size();
+    let one = |p| {
+        let found = changes.slices(n, &ports, p)?;
+        let full = |(a, name): (Option<Mat<f64>>, &str)| {
+            let (rows, columns) = shape(name, n, &ports);
+            a.unwrap_or_else(|| Mat::zeros(rows, columns))
+        };
+        let [dm, dd, ds, df, dl, dd0] = found;
+        let [dm, dd, ds] = [(dm, "dM"), (dd, "dD"), (ds, "dS")].map(full);
+        let [df, dl, dd0] = [(df, "dF"), (dl, "dL"), (dd0, "dD0")].map(full);
+        Ok(response_sensitivity::Variation { dm, dd, ds, df, dl, dd0 })
+    };
+    let variations = (0..changes.0).map(one).collect::<Result<Vec<_>>>()?;
+    let motions = interruptible(py, move |cancel| {
+        response_sensitivity::sensitivities(&system, &ports, &variations, (&x0, &v0), &history, cancel)
+    })?;
+    Ok(motions.into_iter().map(|m| Moved::new(m, "block exponential")).collect())
+}
+
+/// Refuses a system whose expansion does not fit into memory.
+pub fn fits(system: &LinearSystem) -> Result<()> {
+    let n = system.size() as f64;
+    let what = format!("a reduction of {n} coordinates");
+    memory::require(8.0 * REDUCTION * n * n, &what, "reduce the system to its lowest modes")
 }
 
 /// Square matrices of a reduction, 48 measured at n = 400 with the linearisation, and bytes of one value of a transfer function: it
@@ -259,27 +258,10 @@ pub(super) fn values_fit(what: &str, shape: &[usize]) -> Result<()> {
     memory::require(VALUE * count, &what, "ask for fewer ports or frequencies at a time")
 }
 
-fn motion_dict<'py>(py: Python<'py>, motion: &response::Motion) -> PyResult<Bound<'py, PyDict>> {
-    let out = PyDict::new(py);
-    for (q, name) in ["displacement", "velocity", "acceleration"].iter().enumerate() {
-        out.set_item(*name, to_numpy(py, motion.y[q].as_ref()))?;
-        out.set_item(format!("{name}_error"), to_numpy(py, motion.error[q].as_ref()))?;
-    }
-    out.set_item("counts", counts_dict(py, &motion.counts)?)?;
-    Ok(out)
-}
-
-fn ports(l: &M2<'_>, f: &M2<'_>, order_in: Vec<u32>, d0: Option<&M2<'_>>, order_out: u32) -> Ports {
-    Ports { l: matrix(l), f: matrix(f), order_in, order_out, d0: d0.map(matrix) }
-}
-
-fn history(t: &PyReadonlyArray1<'_, f64>, u: &M2<'_>, bulge: &M2<'_>) -> History {
-    History { t: t.as_array().to_vec(), u: matrix(u), bulge: matrix(bulge) }
-}
-
-fn shapes(n: usize, ports: &Ports) -> impl Fn(&str) -> (usize, usize) + use<> {
+/// The shape of a derivative in `Changes`, without its last axis.
+fn shape(name: &str, n: usize, ports: &Ports) -> (usize, usize) {
     let (n_out, n_in) = (ports.l.nrows(), ports.f.ncols());
-    move |name| match name {
+    match name {
         "dF" => (n, n_in),
         "dL" => (n_out, n),
         "dD0" => (n_out, n_in),

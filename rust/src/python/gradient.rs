@@ -7,6 +7,7 @@ use std::sync::Arc;
 
 use crate::error::{Error, Result};
 use crate::integrate::ali3p::Weight;
+use crate::integrate::bdf::record::{Kind, RATES, START};
 use crate::integrate::methods::explicit_serves;
 use crate::integrate::{Equations, Instant, Motion};
 use crate::multibody::System;
@@ -14,7 +15,7 @@ use crate::run::Counts;
 use crate::sensitivity::adjoint::{Forward, backward, forward};
 use crate::sensitivity::direct::{Sensitivities, direct};
 use crate::sensitivity::kinks::{Kink, no_impact};
-use crate::sensitivity::march::{Quadrature, Rule};
+use crate::sensitivity::march::Rule;
 use crate::sensitivity::quantity::{Drawn, Quantity, check};
 use crate::sensitivity::{Direction, Follow, Plan, first};
 
@@ -95,15 +96,8 @@ fn task<'py>(
         "mass" => Weight::Mass,
         _ => Weight::Tangent,
     };
-    let rule = match need::<String>(options, "scheme")?.as_str() {
-        "ali3p" => Rule::Ali3p(weight),
-        "generalized-alpha" => Rule::Alpha(need(options, "rho")?),
-        "explicit" => Rule::Explicit,
-        "radau" => Rule::Radau,
-        other => {
-            return Err(Error::model(format!("the scheme '{other}' has no sensitivities")).into());
-        }
-    };
+    let rule = rule(&need::<String>(options, "scheme")?, need(options, "rho")?, weight)?;
+    let orders: Vec<i32> = need(options, "orders")?;
     let shift: Vec<Vec<f64>> = need(options, "shift")?;
     if !shift.is_empty() && (shift.len() != pairs.len() || shift.iter().any(|s| s.len() != system.n_tree())) {
         return Err(Error::model("the shifts of the start do not fit the directions").into());
@@ -117,6 +111,7 @@ fn task<'py>(
         },
         plan: Plan {
             breaks: system.kinks(times.first().copied().unwrap_or(0.0)),
+            kinds: kinds(system, rule, &times, &orders)?,
             times,
             rule,
             keep: need(options, "keep")?,
@@ -145,16 +140,55 @@ fn listed(kinks: &[Kink]) -> Vec<(f64, String, &'static str)> {
     kinks.iter().map(|k| (k.t, k.element.clone(), k.what)).collect()
 }
 
-/// The quadrature of a scheme over each step: what its start and its end count, and (fraction, weight) of nodes inside.
+/// The quadrature of a scheme over a motion: weights of all ends of steps, then of the nodes inside them, whose places in the step
+/// (fractions) are the second; `orders` of the steps of "bdf" as the motion gives them, none of fixed ones.
 #[pyfunction]
-fn motion_quadrature(scheme: &str) -> (f64, f64, Vec<(f64, f64)>) {
-    let rule = match scheme {
-        "explicit" => Rule::Explicit,
-        "radau" => Rule::Radau,
-        _ => Rule::Alpha(1.0),
-    };
-    let Quadrature { ends: [first, last], inner } = rule.quadrature();
-    (first, last, inner)
+fn motion_quadrature(
+    system: PyRef<'_, PySystem>,
+    scheme: &str,
+    times: Vec<f64>,
+    orders: Vec<i32>,
+) -> PyResult<(Vec<f64>, Vec<f64>)> {
+    let rule = rule(scheme, 1.0, Weight::Tangent)?;
+    let kinds = kinds(&system.0, rule, &times, &orders)?;
+    let fractions = rule.quadrature().inner.into_iter().map(|(c, _)| c).collect();
+    Ok((rule.weights(&times, &kinds), fractions))
+}
+
+fn rule(scheme: &str, rho: f64, weight: Weight) -> Result<Rule> {
+    match scheme {
+        "ali3p" => Ok(Rule::Ali3p(weight)),
+        "generalized-alpha" => Ok(Rule::Alpha(rho)),
+        "explicit" => Ok(Rule::Explicit),
+        "radau" => Ok(Rule::Radau),
+        "bdf" => Ok(Rule::Bdf),
+        other => Err(Error::model(format!("the scheme '{other}' has no sensitivities"))),
+    }
+}
+
+/// How each step of "bdf" comes about.
+fn kinds(system: &System, rule: Rule, times: &[f64], orders: &[i32]) -> Result<Vec<Kind>> {
+    if !matches!(rule, Rule::Bdf) || times.len() < 2 {
+        return Ok(Vec::new());
+    }
+    // those of fixed steps follow from their lengths
+    if orders.first().is_none_or(|o| *o == START) {
+        return Ok(Kind::fixed(times, &system.kinks(times[0])));
+    }
+    let all: Vec<Kind> = orders.iter().map(|o| Kind::of(*o)).collect();
+    if all.len() + 1 != times.len() {
+        return Err(Error::model(format!("bdf has {} orders for {} steps", all.len(), times.len() - 1)));
+    }
+    let breaks = system.kinks(times[0]);
+    let bare = |i: &usize| *i == 0 || breaks.contains(&times[*i]) || all[*i - 1] == Kind::Start;
+    match (0..all.len()).find(|i| bare(i) && matches!(all[*i], Kind::Goes(_))) {
+        None => Ok(all),
+        Some(i) => Err(Error::model(format!(
+            "the step of bdf from t = {} s has no history, since the motion begins there or a load or a drive is not smooth; \
+             its order is {RATES} (from rates) or {START} (by another method)",
+            times[i]
+        ))),
+    }
 }
 
 /// Does the explicit scheme serve a motion from this state to `end`, with fixed steps of length `step` if one is given?
@@ -200,7 +234,7 @@ fn put_instants(out: &Bound<'_, PyDict>, all: &[Instant]) -> PyResult<()> {
 }
 
 /// A motion over given step times, quantities at all of them (n_t, n) and their derivatives (n_t, n, n_p) along directions.
-/// `options`: times, memory, scheme, rho, weight, keep, drawn, quantities, directions; see mbrs/gradients/gradient.py.
+/// `options`: times, orders, memory, scheme, rho, weight, keep, drawn, quantities, directions; see mbrs/gradients/gradient.py.
 #[pyfunction]
 fn motion_directions<'py>(
     py: Python<'py>,

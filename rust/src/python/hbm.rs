@@ -1,12 +1,10 @@
 //! Harmonic balance for Python: a problem object that solves, estimates and follows branches.
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use faer::Mat;
 use numpy::{Complex64, PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
 
-use super::border::{called, guarded, interruptible, matrix, to_numpy};
+use super::border::{Dense, Vector, called, guarded, interruptible, matrix, to_numpy};
 use super::expressions::program;
 use super::hbm_branch::find_peak;
 use super::hbm_linear::HbmLinear;
@@ -15,14 +13,14 @@ use crate::force::{AnyLaw, FunctionLaw};
 use crate::periodic::aft::{Force, Sampled};
 use crate::periodic::autonomous;
 use crate::periodic::basis::{Basis, Finer};
-use crate::periodic::estimate::{Estimate, Estimator};
+use crate::periodic::estimate::Estimator;
 use crate::periodic::family::{Family, Member, Placed};
 use crate::periodic::linear::{DynamicStiffness, Matrices};
 use crate::periodic::peak::Quantity;
 use crate::periodic::problem::{Element, Parameter, Problem};
 use crate::periodic::stability::Stability;
 use crate::periodic::start;
-use crate::solve::newton::{Options, Outcome};
+use crate::solve::newton::Options;
 use crate::solve::{Curve, Linearisation};
 
 type Array<'py, T> = Bound<'py, PyArray1<T>>;
@@ -237,15 +235,15 @@ impl HbmProblem {
 
     /// Residual, Jacobian and slope by the parameter ("omega", "level", "scale" or "family") at the coefficients y (harmonic by harmonic).
     #[pyo3(signature = (y, omega, level=1.0, parameter="omega", value=None))]
-    fn residual<'py>(
+    fn residual(
         &self,
-        py: Python<'py>,
+        py: Python<'_>,
         y: PyReadonlyArray1<'_, f64>,
         omega: Vec<f64>,
         level: f64,
         parameter: &str,
         value: Option<f64>,
-    ) -> PyResult<Bound<'py, PyDict>> {
+    ) -> PyResult<Tangent> {
         let y = y.as_slice()?.to_vec();
         let parameter = parameter_called(parameter)?;
         let mut problem = self.separate()?;
@@ -262,29 +260,25 @@ impl HbmProblem {
             problem.linearise(&y, value, &mut out)?;
             Ok(out)
         })?;
-        let dict = PyDict::new(py);
-        dict.set_item("residual", PyArray1::from_vec(py, out.residual))?;
-        dict.set_item("jacobian", to_numpy(py, out.jacobian.as_ref()))?;
-        dict.set_item("slope", PyArray1::from_vec(py, out.slope))?;
-        Ok(dict)
+        Ok(Tangent { residual: Vector(out.residual), jacobian: Dense(out.jacobian), slope: Vector(out.slope) })
     }
 
     /// One solution, started at y.
     #[pyo3(signature = (y, omega, level=1.0, *, tolerance, max_iterations))]
-    fn solve<'py>(
+    fn solve(
         &self,
-        py: Python<'py>,
+        py: Python<'_>,
         y: PyReadonlyArray1<'_, f64>,
         omega: Vec<f64>,
         level: f64,
         tolerance: f64,
         max_iterations: usize,
-    ) -> PyResult<Bound<'py, PyDict>> {
+    ) -> PyResult<Solved> {
         let mut y = y.as_slice()?.to_vec();
         drop(self.at(&omega, y.len(), level)?);
         let (mut problem, finer) = (self.separate()?, self.finer.clone());
         let options = Options { tolerance, max_iterations };
-        let solved = interruptible(py, move |cancel| {
+        interruptible(py, move |cancel| {
             problem.omega = omega;
             problem.level = level;
             problem.evaluations = 0;
@@ -293,27 +287,30 @@ impl HbmProblem {
             let estimate = Estimator::new(&problem, &finer)?.estimate(&problem, &y)?;
             let all = problem.expand(&y)?;
             Ok(Solved {
-                y,
-                all,
-                outcome,
-                estimate,
+                y: Vector(y),
+                all: Dense(all),
+                converged: outcome.converged,
+                reason: outcome.reason,
+                iterations: outcome.iterations,
+                step: outcome.step,
                 evaluations: problem.evaluations,
                 factorisations: problem.factorisations,
+                error: estimate.error,
+                aliasing: estimate.aliasing,
                 broken: problem.ever_broken,
             })
-        })?;
-        solved.to_dict(py)
+        })
     }
 
     /// A limit cycle from the guess z = [y, omega].
     #[pyo3(signature = (z, *, tolerance, max_iterations))]
-    fn cycle<'py>(
+    fn cycle(
         &self,
-        py: Python<'py>,
+        py: Python<'_>,
         z: PyReadonlyArray1<'_, f64>,
         tolerance: f64,
         max_iterations: usize,
-    ) -> PyResult<Bound<'py, PyDict>> {
+    ) -> PyResult<Cycle> {
         let mut z = z.as_slice()?.to_vec();
         let mut problem = self.separate()?;
         if z.len() != problem.size() + 1 {
@@ -321,19 +318,18 @@ impl HbmProblem {
         }
         let finer = self.finer.clone();
         let options = Options { tolerance, max_iterations };
-        let (z, outcome, error, evaluations) = interruptible(py, move |cancel| {
+        interruptible(py, move |cancel| {
             let outcome = autonomous::solve(&mut problem, &mut z, options, cancel)?;
             let error = autonomous::estimate(&problem, &z, &finer)?;
-            Ok((z, outcome, error, problem.evaluations))
-        })?;
-        let dict = PyDict::new(py);
-        dict.set_item("z", PyArray1::from_vec(py, z))?;
-        dict.set_item("converged", outcome.converged)?;
-        dict.set_item("reason", outcome.reason)?;
-        dict.set_item("iterations", outcome.iterations)?;
-        dict.set_item("evaluations", evaluations)?;
-        dict.set_item("error", error)?;
-        Ok(dict)
+            Ok(Cycle {
+                z: Vector(z),
+                converged: outcome.converged,
+                reason: outcome.reason,
+                iterations: outcome.iterations,
+                evaluations: problem.evaluations,
+                error,
+            })
+        })
     }
 
     /// Floquet exponents of a solution (None where they cannot be told), and the monodromy matrix if asked for.
@@ -445,32 +441,40 @@ impl HbmProblem {
     }
 }
 
+/// Residual with its derivatives by the coefficients and by the parameter.
+#[derive(IntoPyObject)]
+struct Tangent {
+    residual: Vector<f64>,
+    jacobian: Dense<f64>,
+    slope: Vector<f64>,
+}
+
+/// A solution: coefficients y of the retained coordinates, and of all.
+#[derive(IntoPyObject)]
 struct Solved {
-    y: Vec<f64>,
-    all: Mat<f64>,
-    outcome: Outcome,
-    estimate: Estimate,
+    y: Vector<f64>,
+    #[pyo3(item("X"))]
+    all: Dense<f64>,
+    converged: bool,
+    reason: &'static str,
+    iterations: usize,
     evaluations: u64,
     factorisations: u64,
+    step: f64,
+    error: f64,
+    aliasing: f64,
     broken: Option<usize>,
 }
 
-impl Solved {
-    fn to_dict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        let dict = PyDict::new(py);
-        dict.set_item("y", PyArray1::from_slice(py, &self.y))?;
-        dict.set_item("X", to_numpy(py, self.all.as_ref()))?;
-        dict.set_item("converged", self.outcome.converged)?;
-        dict.set_item("reason", self.outcome.reason)?;
-        dict.set_item("iterations", self.outcome.iterations)?;
-        dict.set_item("evaluations", self.evaluations)?;
-        dict.set_item("factorisations", self.factorisations)?;
-        dict.set_item("step", self.outcome.step)?;
-        dict.set_item("error", self.estimate.error)?;
-        dict.set_item("aliasing", self.estimate.aliasing)?;
-        dict.set_item("broken", self.broken)?;
-        Ok(dict)
-    }
+/// A limit cycle z = [y, omega].
+#[derive(IntoPyObject)]
+struct Cycle {
+    z: Vector<f64>,
+    converged: bool,
+    reason: &'static str,
+    iterations: usize,
+    evaluations: u64,
+    error: f64,
 }
 
 pub fn parameter_called(name: &str) -> Result<Parameter> {

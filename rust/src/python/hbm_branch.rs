@@ -2,11 +2,10 @@
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
-use numpy::{Complex64, PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2};
+use numpy::{Complex64, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyList};
 
-use super::border::interruptible;
+use super::border::{Rows, Vector, interruptible};
 use super::hbm::{HbmProblem, lock, matrices, parameter_called};
 use crate::error::{Error, Result};
 use crate::periodic::peak;
@@ -57,53 +56,96 @@ impl Drop for Running {
     }
 }
 
+/// What is followed, by name: first along `towards` = [dy, dp], and until the parameter, "omega", "level" or "scale" (of all frequencies),
+/// leaves the range from `start` to `stop`. With `across` the first point lies in the plane through y across `towards`.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+struct Path<'py> {
+    parameter: String,
+    begin: f64,
+    start: f64,
+    stop: f64,
+    towards: Option<PyReadonlyArray1<'py, f64>>,
+    across: bool,
+}
+
+/// Options of a branch, by name.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+struct Asked {
+    predictor: String,
+    corrector: String,
+    first_step: f64,
+    least_step: f64,
+    largest_step: f64,
+    tolerance: f64,
+    stability: bool,
+    events: bool,
+}
+
+impl Asked {
+    fn options(&self, scale: f64) -> Result<Options> {
+        let steps = [self.first_step, self.least_step, self.largest_step];
+        options(&self.predictor, &self.corrector, steps, self.tolerance, scale)
+    }
+}
+
+/// New points of a branch, a column each, and what its run has cost so far; `exponents` where all points have them.
+#[derive(IntoPyObject)]
 struct Chunk {
-    records: Vec<Record>,
-    events: Vec<Event>,
-    status: Status,
-    base: f64,
+    p: Vector<f64>,
+    error: Vector<f64>,
+    aliasing: Vector<f64>,
+    step: Vector<f64>,
+    iterations: Vector<f64>,
+    stable: Vector<f64>,
+    y: Rows<f64>,
+    exponents: Option<Rows<Complex64>>,
+    monodromies: usize,
+    events: Vec<Special>,
     corrections: u64,
     factorisations: u64,
     broken: Option<usize>,
+    status: &'static str,
+}
+
+/// A special point.
+#[derive(IntoPyObject)]
+struct Special {
+    kind: &'static str,
+    p: f64,
+    y: Vector<f64>,
+    exponent: Option<(f64, f64)>,
+    before: usize,
 }
 
 #[pymethods]
 impl HbmBranch {
-    /// Solves at `begin` from the guess y; goes first along `towards` = [dy, dp], and until the parameter, "omega", "level" or "scale" (of all frequencies), leaves
-    /// the range from `start` to `stop`. With `across` the first point lies in the plane through y across `towards`.
+    /// Solves at `path.begin` from the guess y, `at` = (omega, level), and follows the branch; `model` as of `HbmProblem.floquet`.
     #[new]
-    #[pyo3(signature = (problem, y, omega, level, parameter, begin, start, stop, *, predictor, corrector, first_step, least_step,
-        largest_step, tolerance, stability, events, towards=None, across=false, model=None))]
-    #[expect(clippy::too_many_arguments)]
+    #[pyo3(signature = (problem, y, at, path, options, model=None))]
     fn new(
         py: Python<'_>,
         problem: &HbmProblem,
         y: PyReadonlyArray1<'_, f64>,
-        omega: Vec<f64>,
-        level: f64,
-        parameter: &str,
-        begin: f64,
-        start: f64,
-        stop: f64,
-        predictor: &str,
-        corrector: &str,
-        first_step: f64,
-        least_step: f64,
-        largest_step: f64,
-        tolerance: f64,
-        stability: bool,
-        events: bool,
-        towards: Option<PyReadonlyArray1<'_, f64>>,
-        across: bool,
+        at: (Vec<f64>, f64),
+        path: Path<'_>,
+        options: Asked,
         model: Option<[PyReadonlyArray2<'_, f64>; 3]>,
     ) -> PyResult<Self> {
-        let options =
-            options(predictor, corrector, [first_step, least_step, largest_step], tolerance, (stop - start).abs())?;
-        let settings = Settings { options, from: start, to: stop, stability, events };
-        let parameter = parameter_called(parameter)?;
+        let settings = Settings {
+            options: options.options((path.stop - path.start).abs())?,
+            from: path.start,
+            to: path.stop,
+            stability: options.stability,
+            events: options.events,
+        };
+        let tolerance = options.tolerance;
+        let parameter = parameter_called(&path.parameter)?;
         let mut y = y.as_slice()?.to_vec();
         let finer = problem.finer.clone();
         let mut copy = problem.separate()?;
+        let (omega, level) = at;
         if omega.len() != copy.omega.len() {
             return Err(Error::model("frequencies of a wrong number").into());
         }
@@ -117,7 +159,8 @@ impl HbmBranch {
             return Err(Error::model("a branch in a parameter of the system needs its family").into());
         }
         copy.parameter = parameter;
-        let towards = towards.map(|t| t.as_slice().map(<[f64]>::to_vec)).transpose()?;
+        let (begin, across) = (path.begin, path.across);
+        let towards = path.towards.map(|t| t.as_slice().map(<[f64]>::to_vec)).transpose()?;
         if y.len() != copy.size() || towards.as_ref().is_some_and(|t| t.len() != y.len() + 1) {
             return Err(Error::model("a branch starts with coefficients of a wrong size").into());
         }
@@ -133,9 +176,9 @@ impl HbmBranch {
     }
 
     /// Goes on for at most so many points and seconds; returns what is new.
-    fn run<'py>(&self, py: Python<'py>, points: usize, seconds: f64) -> PyResult<Bound<'py, PyDict>> {
+    fn run(&self, py: Python<'_>, points: usize, seconds: f64) -> PyResult<Chunk> {
         let inner = self.inner.clone();
-        let chunk = interruptible(py, move |cancel| {
+        interruptible(py, move |cancel| {
             let begin = Instant::now();
             let mut running = Running::new(inner)?;
             let Some(follower) = running.follower.as_mut() else {
@@ -147,17 +190,8 @@ impl HbmBranch {
             {
                 follower.advance(cancel)?;
             }
-            Ok(Chunk {
-                base: follower.problem.base_frequency(),
-                corrections: follower.corrections(),
-                factorisations: follower.factorisations(),
-                status: follower.status,
-                broken: follower.problem.ever_broken,
-                records: std::mem::take(&mut follower.records),
-                events: std::mem::take(&mut follower.events),
-            })
-        })?;
-        chunk.to_dict(py)
+            Chunk::taken(follower)
+        })
     }
 }
 
@@ -208,68 +242,60 @@ pub fn options(predictor: &str, corrector: &str, steps: [f64; 3], tolerance: f64
 }
 
 impl Chunk {
-    fn to_dict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        let dict = PyDict::new(py);
-        let column = |f: &dyn Fn(&Record) -> f64| PyArray1::from_vec(py, self.records.iter().map(f).collect());
-        dict.set_item("p", column(&|r| r.p))?;
-        dict.set_item("error", column(&|r| r.error))?;
-        dict.set_item("aliasing", column(&|r| r.aliasing))?;
-        dict.set_item("step", column(&|r| r.step))?;
-        dict.set_item("iterations", column(&|r| r.iterations as f64))?;
+    /// Takes what is new from the follower.
+    fn taken(follower: &mut Follower) -> Result<Self> {
+        let base = follower.problem.base_frequency();
+        let records = std::mem::take(&mut follower.records);
+        let column = |of: &dyn Fn(&Record) -> f64| Vector(records.iter().map(of).collect());
         let stable = |r: &Record| match &r.floquet {
             Some(f) if !f.doubtful && f.exponents.iter().all(|s| s.re.is_finite()) => {
-                f64::from(u8::from(unstable(&f.exponents, self.base) == 0))
+                f64::from(u8::from(unstable(&f.exponents, base) == 0))
             }
             _ => f64::NAN,
         };
-        dict.set_item("stable", column(&stable))?;
-        let ys: Vec<Vec<f64>> = self.records.iter().map(|r| r.y.clone()).collect();
-        dict.set_item("y", PyArray2::from_vec2(py, &ys).map_err(|e| Error::model(e.to_string()))?)?;
-        let exponents: Vec<Vec<Complex64>> =
-            self.records.iter().filter_map(|r| r.floquet.as_ref().map(|f| f.exponents.clone())).collect();
-        if !exponents.is_empty() && exponents.len() == self.records.len() {
-            dict.set_item("exponents", PyArray2::from_vec2(py, &exponents).map_err(|e| Error::model(e.to_string()))?)?;
-        }
-        let fallbacks = self.records.iter().filter(|r| r.floquet.as_ref().is_some_and(|f| !f.by_hill)).count();
-        dict.set_item("monodromies", fallbacks)?;
-        let events = PyList::empty(py);
-        for event in &self.events {
-            events.append(event_dict(py, event)?)?;
-        }
-        dict.set_item("events", events)?;
-        dict.set_item("corrections", self.corrections)?;
-        dict.set_item("factorisations", self.factorisations)?;
-        dict.set_item("broken", self.broken)?;
-        dict.set_item(
-            "status",
-            match self.status {
+        let exponents: Vec<_> =
+            records.iter().filter_map(|r| r.floquet.as_ref().map(|f| f.exponents.clone())).collect();
+        let known = !exponents.is_empty() && exponents.len() == records.len();
+        Ok(Chunk {
+            p: column(&|r| r.p),
+            error: column(&|r| r.error),
+            aliasing: column(&|r| r.aliasing),
+            step: column(&|r| r.step),
+            iterations: column(&|r| r.iterations as f64),
+            stable: column(&stable),
+            y: Rows::new(records.iter().map(|r| r.y.clone()).collect())?,
+            exponents: if known { Some(Rows::new(exponents)?) } else { None },
+            monodromies: records.iter().filter(|r| r.floquet.as_ref().is_some_and(|f| !f.by_hill)).count(),
+            events: std::mem::take(&mut follower.events).into_iter().map(Special::from).collect(),
+            corrections: follower.corrections(),
+            factorisations: follower.factorisations(),
+            broken: follower.problem.ever_broken,
+            status: match follower.status {
                 Status::Going => "going",
                 Status::End => "end",
                 Status::Start => "start",
                 Status::Stalled => "stalled",
             },
-        )?;
-        Ok(dict)
+        })
     }
 }
 
-fn event_dict<'py>(py: Python<'py>, event: &Event) -> PyResult<Bound<'py, PyDict>> {
-    let dict = PyDict::new(py);
-    dict.set_item(
-        "kind",
-        match event.kind {
-            Kind::Fold => "fold",
-            Kind::BranchPoint => "branch-point",
-            Kind::NeimarkSacker => "neimark-sacker",
-            Kind::PeriodDoubling => "period-doubling",
-            Kind::Grazing => "grazing",
-        },
-    )?;
-    dict.set_item("p", event.p)?;
-    dict.set_item("y", PyArray1::from_slice(py, &event.y))?;
-    dict.set_item("exponent", event.exponent.map(|s| (s.re, s.im)))?;
-    dict.set_item("before", event.before)?;
-    Ok(dict)
+impl From<Event> for Special {
+    fn from(event: Event) -> Self {
+        Special {
+            kind: match event.kind {
+                Kind::Fold => "fold",
+                Kind::BranchPoint => "branch-point",
+                Kind::NeimarkSacker => "neimark-sacker",
+                Kind::PeriodDoubling => "period-doubling",
+                Kind::Grazing => "grazing",
+            },
+            p: event.p,
+            y: Vector(event.y),
+            exponent: event.exponent.map(|s| (s.re, s.im)),
+            before: event.before,
+        }
+    }
 }
 
 /// The largest amplitude of a term (or the largest displacement) of one displacement near the solution y: (omega, y).

@@ -7,6 +7,7 @@ use pyo3::prelude::*;
 
 use super::border::{interruptible, matrix};
 use super::hbm::lock;
+use super::second_order::PySecondOrder;
 use crate::error::Error;
 use crate::periodic::condensed::{Condensed, Entry, Split};
 use crate::periodic::linear::{DynamicStiffness, Forces, Full};
@@ -35,22 +36,14 @@ fn of_size(what: &str, found: usize, expected: usize) -> PyResult<()> {
 
 #[pymethods]
 impl HbmLinear {
-    /// Nothing condensed: M, C, K dense.
+    /// Nothing condensed.
     #[staticmethod]
-    fn full(
-        m: PyReadonlyArray2<'_, f64>,
-        c: PyReadonlyArray2<'_, f64>,
-        k: PyReadonlyArray2<'_, f64>,
-        forces: PyReadonlyArray2<'_, Complex64>,
-    ) -> PyResult<Self> {
-        let parts = [matrix(&m), matrix(&c), matrix(&k)];
-        let n = parts[0].nrows();
-        for part in &parts {
-            of_size("a matrix", part.nrows() * part.ncols(), n * n)?;
-        }
+    fn full(system: &PySecondOrder, forces: PyReadonlyArray2<'_, Complex64>) -> PyResult<Self> {
+        let q = system.0.quadratic();
+        let n = q.n();
         of_size("the force", forces.as_array().ncols(), n)?;
-        let [m, c, k] = parts.each_ref().map(rows);
-        Ok(Self(Mutex::new(Box::new(Full { n, m, c, k, forces: terms(&forces) }))))
+        let c = q.d.as_ref().map_or_else(|| vec![0.0; n * n], rows);
+        Ok(Self(Mutex::new(Box::new(Full { n, m: rows(&q.m), c, k: rows(&q.s), forces: terms(&forces) }))))
     }
 
     /// Entries (row, column, m, c, k) without repetition; `retained` coordinates, to which free ones are added.

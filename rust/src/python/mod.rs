@@ -13,6 +13,7 @@ mod hbm_linear;
 mod law_places;
 mod modal;
 mod root;
+mod second_order;
 mod simulate;
 mod sparse;
 mod sparse_system;
@@ -37,6 +38,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     hbm_branch::register(module)?;
     modal::register(module)?;
     root::register(module)?;
+    second_order::register(module)?;
     simulate::register(module)?;
     sparse::register(module)?;
     sparse_system::register(module)?;

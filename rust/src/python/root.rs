@@ -3,9 +3,8 @@ use std::sync::{Mutex, PoisonError};
 
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
 
-use super::border::{called, guarded};
+use super::border::{Vector, called, guarded};
 use crate::error::{Error, Result};
 use crate::linalg::sparse::Csc;
 use crate::solve::Residual;
@@ -97,72 +96,104 @@ impl Residual for Function {
     }
 }
 
-/// `function` takes and returns arrays (n,) of float64; `observer(x, f)` says whether to stop. `rule` is (rho, sigma1, sigma2,
-/// beta, max_backtracks), `guard` (curvature, least and largest determinant ratio), `limits` (iterations, evaluations, patience,
-/// restarts), `pattern` (start, row) of compressed columns.
+/// Options of `root_solve`, by name.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+struct Asked {
+    broyden: bool,
+    tolerance: f64,
+    max_iterations: usize,
+    max_evaluations: u64,
+    patience: usize,
+    restarts: usize,
+    fallback: bool,
+    rho: f64,
+    sigma1: f64,
+    sigma2: f64,
+    beta: f64,
+    max_backtracks: usize,
+    invariant: bool,
+    curvature: f64,
+    determinant: (f64, f64),
+    /// relative step of a first Jacobian by differences
+    differences: Option<f64>,
+    /// (start, row) of its compressed columns
+    pattern: Option<(Vec<i64>, Vec<i64>)>,
+    memory: Option<usize>,
+}
+
+impl Asked {
+    fn options(self, n: usize) -> Result<Options> {
+        let start = match (self.differences, &self.pattern) {
+            (_, Some((start, row))) => Start::Pattern(Csc::new("sparsity", n, n, start, row, &vec![1.0; row.len()])?),
+            (None, None) => Start::Identity,
+            (Some(_), None) => Start::Differences,
+        };
+        Ok(Options {
+            family: if self.broyden { Family::Broyden } else { Family::Bfgs },
+            left: None,
+            tolerance: self.tolerance,
+            max_iterations: self.max_iterations,
+            max_evaluations: self.max_evaluations,
+            rule: Rule {
+                rho: self.rho,
+                sigma1: self.sigma1,
+                sigma2: self.sigma2,
+                beta: self.beta,
+                max_backtracks: self.max_backtracks,
+                invariant: self.invariant,
+            },
+            guard: Guard { curvature: self.curvature, determinant: self.determinant },
+            start,
+            memory: self.memory,
+            difference: self.differences.unwrap_or(Options::default().difference),
+            patience: self.patience,
+            restarts: self.restarts,
+            fallback: self.fallback,
+        })
+    }
+}
+
+/// An outcome as Python has it.
+#[derive(IntoPyObject)]
+struct Report {
+    status: &'static str,
+    x: Vector<f64>,
+    fun: Vector<f64>,
+    norms: Vector<f64>,
+    iterations: usize,
+    backtracks: usize,
+    evaluations: u64,
+    skipped: usize,
+    restarts: usize,
+    singular: usize,
+    fallback: Option<usize>,
+    broyden: bool,
+    inverse: Option<RootInverse>,
+}
+
+/// `function` takes and returns arrays (n,) of float64; `observer(x, f)` says whether to stop.
 #[pyfunction]
-#[allow(clippy::too_many_arguments)]
-fn root_solve<'py>(
-    py: Python<'py>,
+fn root_solve(
+    py: Python<'_>,
     function: Py<PyAny>,
     observer: Option<Py<PyAny>>,
     x0: Vec<f64>,
-    broyden: bool,
-    tolerance: f64,
-    rule: (f64, f64, f64, f64, usize, bool),
-    guard: (f64, f64, f64),
-    limits: (usize, u64, usize, usize),
-    fallback: bool,
-    differences: Option<f64>,
-    pattern: Option<(Vec<i64>, Vec<i64>)>,
-    memory: Option<usize>,
+    options: Asked,
     inverse: Option<Py<RootInverse>>,
-) -> PyResult<Bound<'py, PyDict>> {
-    let start = match (differences, pattern) {
-        (_, Some((start, row))) => {
-            let ones = vec![1.0; row.len()];
-            Start::Pattern(Csc::new("sparsity", x0.len(), x0.len(), &start, &row, &ones)?)
-        }
-        (None, None) => Start::Identity,
-        (Some(_), None) => Start::Differences,
-    };
-    let defaults = Options::default();
-    let options = Options {
-        family: if broyden { Family::Broyden } else { Family::Bfgs },
-        tolerance,
-        max_iterations: limits.0,
-        max_evaluations: limits.1,
-        rule: Rule {
-            rho: rule.0,
-            sigma1: rule.1,
-            sigma2: rule.2,
-            beta: rule.3,
-            max_backtracks: rule.4,
-            invariant: rule.5,
-        },
-        guard: Guard { curvature: guard.0, determinant: (guard.1, guard.2) },
-        start,
-        memory,
-        difference: differences.unwrap_or(defaults.difference),
-        patience: limits.2,
-        restarts: limits.3,
-        fallback,
-    };
+) -> PyResult<Report> {
+    let n = x0.len();
+    let options = options.options(n)?;
     let mut h = inverse.map(|h| {
         let h = &h.get().h;
         h.lock().unwrap_or_else(PoisonError::into_inner).clone()
     });
     let mut problem = Function { call: function, observer };
     let outcome = guarded(py, || solve(&mut problem, &x0, &options, &mut h))?;
-    let out = report(py, outcome)?;
-    let n = x0.len();
-    let kept = |h| Py::new(py, RootInverse { h: Mutex::new(h), n });
-    let h = h.map(kept);
-    out.set_item("inverse", h.transpose()?)?;
-    Ok(out)
+    Ok(report(outcome, h.map(|h| RootInverse { h: Mutex::new(h), n })))
 }
 
-fn report(py: Python<'_>, outcome: Outcome) -> PyResult<Bound<'_, PyDict>> {
+fn report(outcome: Outcome, inverse: Option<RootInverse>) -> Report {
     let status = match outcome.status {
         Status::Converged => "converged",
         Status::MaxIterations => "max-iterations",
@@ -172,18 +203,19 @@ fn report(py: Python<'_>, outcome: Outcome) -> PyResult<Bound<'_, PyDict>> {
         Status::Stopped => "stopped",
         Status::Broken => "not-finite",
     };
-    let out = PyDict::new(py);
-    out.set_item("status", status)?;
-    out.set_item("x", outcome.x.into_pyarray(py))?;
-    out.set_item("fun", outcome.f.into_pyarray(py))?;
-    out.set_item("norms", outcome.norms.into_pyarray(py))?;
-    out.set_item("iterations", outcome.iterations)?;
-    out.set_item("backtracks", outcome.backtracks)?;
-    out.set_item("evaluations", outcome.evaluations)?;
-    out.set_item("skipped", outcome.skipped)?;
-    out.set_item("restarts", outcome.restarts)?;
-    out.set_item("singular", outcome.singular)?;
-    out.set_item("fallback", outcome.fallback)?;
-    out.set_item("broyden", outcome.family == Family::Broyden)?;
-    Ok(out)
+    Report {
+        status,
+        x: Vector(outcome.x),
+        fun: Vector(outcome.f),
+        norms: Vector(outcome.norms),
+        iterations: outcome.iterations,
+        backtracks: outcome.backtracks,
+        evaluations: outcome.evaluations,
+        skipped: outcome.skipped,
+        restarts: outcome.restarts,
+        singular: outcome.singular,
+        fallback: outcome.fallback,
+        broyden: outcome.family == Family::Broyden,
+        inverse,
+    }
 }

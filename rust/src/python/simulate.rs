@@ -68,7 +68,7 @@ fn plan(options: &Bound<'_, PyDict>) -> PyResult<Plan> {
 /// Square matrices of the tree coordinates that a motion holds at most: mass, iteration matrix, its factors and their products.
 const MATRICES: f64 = 10.0;
 
-/// A run from a state. `options`: method, end, step or rtol, outputs, breaks, t, memory, ...; see mbrs/motion/simulate.py.
+/// A run from a state. `options`: method, end, step or rtol, outputs, breaks, t, memory, ...; see mbrs/motion/options.py.
 #[pyfunction]
 #[pyo3(signature = (system, q, rate, without, options, report=None))]
 fn simulate_motion<'py>(
@@ -156,6 +156,7 @@ fn put_run<'py>(py: Python<'py>, run: &Run) -> PyResult<Bound<'py, PyDict>> {
     out.set_item("multipliers", rows(&|o| &o.instant.lam))?;
     out.set_item("joints", rows(&|o| &o.joints))?;
     out.set_item("steps", run.steps.clone().into_pyarray(py))?;
+    out.set_item("orders", run.formulas.clone().into_pyarray(py))?;
     out.set_item("local_error", run.local.clone().into_pyarray(py))?;
     out.set_item("rejected", run.rejected)?;
     let (status, t, message) = match &run.end {

@@ -1,6 +1,8 @@
 //! The compiled model in Python: assembly, equilibrium, linearisation and its derivatives.
 //!
 //! A state crosses as `q` (n_q,: coordinates of the joints in tree order, then modal ones) and `rate` (n_tree,) or an empty array at rest. Bodies in all other arrays stand in the order of the model.
+use std::sync::Arc;
+
 use numpy::ndarray::{Array2, Array3};
 use numpy::{IntoPyArray, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
@@ -12,7 +14,8 @@ use crate::constraint::loops::redundant_names;
 use crate::equilibrium::{Equilibrium, equilibrium};
 use crate::error::{Error, Result};
 use crate::integrate::{Equations, Motion};
-use crate::linearize::air_states::air_states;
+use crate::linearize::air_states::{air_states, holding};
+use crate::linearize::model_modes::linear_system;
 use crate::linearize::parts::{Parts, motion_scale, parts};
 use crate::linearize::reactions::reactions;
 use crate::linearize::{Linearization, Setting, linearize, mobility};
@@ -26,6 +29,7 @@ use crate::tolerances::coordinates::UNIT_QUATERNION;
 
 use super::border::{counts_dict, guarded, interruptible};
 use super::law_places;
+use super::second_order::PySecondOrder;
 use super::strains;
 use super::tables::{tables, values};
 
@@ -150,19 +154,14 @@ pub fn array(m: &nalgebra::DMatrix<f64>) -> Array2<f64> {
         .unwrap_or_else(|_| Array2::from_shape_fn(shape, |(i, j)| m[(i, j)]))
 }
 
-fn put_parts(py: Python<'_>, out: &Bound<'_, PyDict>, parts: &Parts) -> PyResult<()> {
-    let given = |x: &Option<nalgebra::DMatrix<f64>>| x.as_ref().map(|x| array(x).into_pyarray(py));
-    out.set_item("C", given(&parts.damping))?;
-    out.set_item("G", given(&parts.gyroscopic))?;
-    out.set_item("K", array(&parts.stiffness).into_pyarray(py))?;
-    out.set_item("N", given(&parts.circulatory))?;
+fn put_parts(out: &Bound<'_, PyDict>, lin: &Linearization, parts: &Parts) -> PyResult<()> {
+    out.set_item("second_order", PySecondOrder(Arc::new(linear_system(lin, parts)?)))?;
     out.set_item("error", parts.error)
 }
 
 fn put_linearization(py: Python<'_>, out: &Bound<'_, PyDict>, system: &System, lin: &Linearization) -> PyResult<()> {
     let names: Vec<_> = lin.coordinates(system.n_tree()).iter().map(|i| system.topology.names[*i].clone()).collect();
     out.set_item("coordinates", names)?;
-    out.set_item("M", array(&lin.matrices.mass).into_pyarray(py))?;
     out.set_item("T", array(&lin.body_map).into_pyarray(py))?;
     if system.topology.is_flexible() {
         let map = array(&lin.modal_map(&system.topology));
@@ -314,7 +313,7 @@ impl PySystem {
         })?;
         let out = PyDict::new(py);
         put_state(py, &out, &eq.state)?;
-        put_parts(py, &out, &parts)?;
+        put_parts(&out, &eq.linearization, &parts)?;
         put_linearization(py, &out, &self.0, &eq.linearization)?;
         out.set_item("relative_residual", eq.residual)?;
         out.set_item("error", eq.error)?;
@@ -328,8 +327,9 @@ impl PySystem {
     }
 
     /// `acceleration` (n_tree,) of the tree coordinates where their rates do not stay, or empty. `turn` (dof, dof): the axes of a steady
-    /// motion. `raw`: D and S as they are assembled, in place of C, G, K and N.
-    #[pyo3(signature = (q, rate, without, memory=Vec::new(), acceleration=Vec::new(), turn=None, raw=false))]
+    /// motion. `raw`: D and S as they are assembled, in place of C, G, K and N. `held`: states of the air that are held there, in the order of
+    /// `air_states`; none are at rest.
+    #[pyo3(signature = (q, rate, without, memory=Vec::new(), acceleration=Vec::new(), turn=None, raw=false, held=Vec::new()))]
     #[allow(clippy::too_many_arguments)]
     fn linearize<'py>(
         &self,
@@ -341,10 +341,15 @@ impl PySystem {
         acceleration: Vec<f64>,
         turn: Option<PyReadonlyArray2<'py, f64>>,
         raw: bool,
+        held: Vec<f64>,
     ) -> PyResult<Bound<'py, PyDict>> {
         let state = state_of(&self.0, &q, &rate)?;
         let effects = effects(&without)?;
-        let memory = super::direction::remembered(&self.0, &memory)?;
+        let memory = if held.is_empty() {
+            super::direction::remembered(&self.0, &memory)?
+        } else {
+            holding(&self.0.topology, &held)
+        };
         fits(&self.0, "a linearisation", LINEARIZATION)?;
         if !acceleration.is_empty() && acceleration.len() != self.0.n_tree() {
             let n = self.0.n_tree();
@@ -365,8 +370,9 @@ impl PySystem {
         let out = PyDict::new(py);
         put_linearization(py, &out, &self.0, &lin)?;
         match &parts {
-            Some(parts) => put_parts(py, &out, parts)?,
+            Some(parts) => put_parts(&out, &lin, parts)?,
             None => {
+                out.set_item("M", array(&lin.matrices.mass).into_pyarray(py))?;
                 out.set_item("D", lin.matrices.damping.as_ref().map(|d| array(d).into_pyarray(py)))?;
                 out.set_item("S", array(&lin.matrices.stiffness).into_pyarray(py))?;
             }
@@ -489,8 +495,9 @@ impl PySystem {
         })
     }
 
-    /// States of sections in the air about a linearised state, see `analysis::air_states`; None without any.
-    #[pyo3(signature = (q, rate, without, acceleration=Vec::new(), turn=None))]
+    /// States of sections in the air about a linearised state, see `linearize::air_states`; None without any. `held`: states that do not rest.
+    #[pyo3(signature = (q, rate, without, acceleration=Vec::new(), turn=None, held=None))]
+    #[expect(clippy::too_many_arguments)]
     fn air_states<'py>(
         &self,
         py: Python<'py>,
@@ -499,13 +506,14 @@ impl PySystem {
         without: Vec<String>,
         acceleration: Vec<f64>,
         turn: Option<PyReadonlyArray2<'py, f64>>,
+        held: Option<Vec<f64>>,
     ) -> PyResult<Option<Bound<'py, PyDict>>> {
         let state = state_of(&self.0, &q, &rate)?;
         let effects = effects(&without)?;
         let turn = turn.as_ref().map(table);
         let found = run(py, &self.0, move |system, _| {
             let setting = Setting { system, state: &state, memory: &[], acceleration: &acceleration, effects };
-            air_states(&setting, turn.as_ref())
+            air_states(&setting, turn.as_ref(), held.as_deref())
         })?;
         let Some(found) = found else { return Ok(None) };
         let out = PyDict::new(py);
@@ -515,6 +523,10 @@ impl PySystem {
             out.set_item(name, array(m).into_pyarray(py))?;
         }
         out.set_item("air", found.air)?;
+        out.set_item("section", found.section)?;
+        out.set_item("memory", holding(&self.0.topology, &found.value).into_pyarray(py))?;
+        out.set_item("value", found.value.into_pyarray(py))?;
+        out.set_item("rate", found.rate.into_pyarray(py))?;
         Ok(Some(out))
     }
 

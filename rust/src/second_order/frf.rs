@@ -2,23 +2,28 @@
 //!
 //! Reduced once, then cheap per frequency, by the cheapest route that passes a check against refined direct solves:
 //! real modes (undamped or proportional) O(n) per entry, complex modes O(n), Hessenberg O(n^2), direct O(n^3).
-use std::sync::OnceLock;
+use std::sync::Arc;
 
 use faer::{Mat, c64};
 
-use super::frf_routes::{Check, Evaluator, input_mix};
+use super::expansion::{ComplexModes, Expansion, RealModes};
+use super::frf_routes::{Check, Entries, Evaluator, Solution, input_mix};
 use super::frf_singular;
-use super::modes_of::{ComplexModes, RealModes, complex_modes, quadratic_roots, real_modes};
+use super::linear_system::LinearSystem;
 use super::ports::{Ports, complex, i_omega};
 use super::state::StateSpace;
 use crate::error::{Error, Result};
 use crate::linalg::hessenberg::Hessenberg;
-use crate::linalg::quadratic::{NormalForm, Quadratic};
+use crate::linalg::quadratic::{Factored, NormalForm};
 use crate::run::{Cancel, Counts};
-use crate::tolerances::frequency_response::{ACCEPTED, SAME_POLE, SLOWEST_CHECK, WORST_ACCEPTED};
+use crate::tolerances::frequency_response::{
+    ACCEPTED, FEW, MOST_PORTS, SAME_POLE, SLOWEST_CHECK, WORST_ACCEPTED, ZERO_ENTRY,
+};
 
 /// Complex modes with worse conditioned vectors are not worth a check.
 const WORST_VECTORS: f64 = 1e7;
+/// Corrections of a direct solution.
+const REFINEMENTS: usize = 3;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Route {
@@ -39,17 +44,6 @@ impl Route {
     }
 }
 
-/// Everything that does not depend on frequency or ports.
-pub struct Reduction {
-    pub(crate) q: Quadratic,
-    pub(crate) normal: Option<NormalForm>,
-    pub(crate) real: Option<RealModes>,
-    pub(crate) complex: Option<ComplexModes>,
-    hessenberg: OnceLock<Hessenberg>,
-    scale: Vec<f64>,
-    pub(crate) counts: Counts,
-}
-
 pub struct Values {
     /// (n_out, n_in, n_freq), last index fastest
     pub h: Vec<c64>,
@@ -61,46 +55,17 @@ pub struct Values {
     pub counts: Counts,
 }
 
-impl Reduction {
-    /// What all frequencies share: the normal form, and modes where these are accurate. O(n^3).
-    pub fn new(q: Quadratic) -> Result<Self> {
-        let mut counts = Counts::default();
-        let normal = q.normal_form();
-        let mut real = None;
-        let mut complex = None;
-        if let Some(form) = &normal {
-            if form.is_symmetric() {
-                counts.add("eigensolutions", 1);
-                real = real_modes(form)?;
-            }
-            if real.is_none() {
-                counts.add("eigensolutions", 1);
-                complex = complex_modes(form);
-            }
-        }
-        Ok(Reduction { scale: q.unit_scale(), q, normal, real, complex, hessenberg: OnceLock::new(), counts })
-    }
-
-    /// All 2n poles in rad/s, or None where no reduction was possible.
-    pub fn poles(&self) -> Option<Vec<c64>> {
-        if let Some(modes) = &self.real {
-            let pairs = modes.lambda.iter().zip(&modes.damping);
-            return Some(pairs.flat_map(|(&l, &c)| quadratic_roots(l, c)).collect());
-        }
-        self.complex.as_ref().map(|modes| modes.pole.clone())
-    }
-
-    fn routes(&self, ports: &Ports) -> Vec<Route> {
+impl LinearSystem {
+    fn routes(&self, expansion: &Expansion, ports: &Ports) -> Vec<Route> {
         let mut routes = Vec::new();
-        if self.real.is_some() {
-            routes.push(Route::RealModes);
-        }
-        if self.complex.as_ref().is_some_and(|m| m.condition < WORST_VECTORS) {
-            routes.push(Route::ComplexModes);
+        match expansion {
+            Expansion::Real(_) => routes.push(Route::RealModes),
+            Expansion::Complex(modes) if modes.condition < WORST_VECTORS => routes.push(Route::ComplexModes),
+            _ => {}
         }
         // per frequency 4 n^2 (1 + outputs) operations against n^3 of a factorisation that runs about eight times faster
-        let worth_reducing = self.q.n() > 22 * (1 + ports.n_out());
-        if self.normal.is_some() && self.real.is_none() && worth_reducing {
+        let worth_reducing = self.size() > 22 * (1 + ports.n_out());
+        if !matches!(expansion, Expansion::Real(_)) && worth_reducing && self.normal().is_some() {
             routes.push(Route::Hessenberg);
         }
         routes.push(Route::Direct);
@@ -117,7 +82,7 @@ impl Reduction {
         checked: bool,
         cancel: &Cancel,
     ) -> Result<Values> {
-        ports.check(self.q.n())?;
+        ports.check(self.size())?;
         if ports.n_out() == 0 || ports.n_in() == 0 {
             return Err(Error::model("a transfer function needs at least one input and one output"));
         }
@@ -125,19 +90,25 @@ impl Reduction {
             return Err(Error::model("omega contains NaN or infinite values"));
         }
         let mut counts = Counts::default();
-        let samples = if checked { self.samples(omega) } else { Vec::new() };
+        let expansion = self.expansion(&mut counts);
+        let samples = if checked { samples(expansion, omega) } else { Vec::new() };
         let checks = self.references(ports, omega, &samples, &mut counts);
+        let limit = accepted(&checks);
         let measured = |evaluator: &Evaluator<'_>| {
-            let distances = checks.iter().map(|check| check.distance(evaluator.at(omega[check.index])));
+            let distances = checks.iter().map(|check| {
+                let w = omega[check.index];
+                check.distance(evaluator.at(w)).max(check.entries.distance(evaluator, w, limit))
+            });
             distances.fold(if checks.is_empty() { f64::NAN } else { f64::EPSILON }, f64::max)
         };
         let (route, evaluator, error) = match keep {
             Some(keep) => {
-                let (route, evaluator) = self.truncated(ports, keep)?;
+                let (route, evaluator) = self.truncated(expansion, ports, keep)?;
                 let error = measured(&evaluator);
                 (route, evaluator, error)
             }
-            None => self.cheapest(ports, &checks, measured, &mut counts),
+            None if omega.len() <= FEW && !checks.is_empty() => self.refined(ports, &checks),
+            None => self.cheapest(expansion, ports, &checks, measured, &mut counts),
         };
         counts.add("frequencies", omega.len() as u64);
         let (h, singular) = self.sweep(&evaluator, ports, omega, &mut counts, cancel)?;
@@ -146,41 +117,48 @@ impl Reduction {
 
     fn cheapest<'a>(
         &'a self,
+        expansion: &Expansion,
         ports: &'a Ports,
-        checks: &[Check],
+        checks: &[Check<'_>],
         measured: impl Fn(&Evaluator<'_>) -> f64,
         counts: &mut Counts,
     ) -> (Route, Evaluator<'a>, f64) {
-        let plain = checks.iter().map(|c| c.plain_error).fold(0.0, f64::max);
-        for route in self.routes(ports) {
-            let evaluator = self.prepare(route, ports, counts);
+        for route in self.routes(expansion, ports) {
+            let evaluator = self.prepare(route, expansion, ports, counts);
             let error = measured(&evaluator);
-            if error.is_nan() || error <= (10.0 * plain).clamp(ACCEPTED, WORST_ACCEPTED) {
+            if error.is_nan() || error <= accepted(checks) {
                 return (route, evaluator, error);
             }
         }
+        self.refined(ports, checks)
+    }
+
+    /// Direct solves with corrections from exact residuals, which keep every entry.
+    fn refined<'a>(&'a self, ports: &'a Ports, checks: &[Check<'_>]) -> (Route, Evaluator<'a>, f64) {
         // each refinement contracts the error by what the first correction was
-        (Route::Direct, self.direct(ports, 3), plain.powi(4).max(f64::EPSILON))
+        (Route::Direct, self.direct(ports, REFINEMENTS), plain_error(checks).powi(4).max(f64::EPSILON))
     }
 
     /// Real or complex modes of the `keep` smallest |s|, a conjugate pair counting as one.
-    fn truncated<'a>(&'a self, ports: &'a Ports, keep: usize) -> Result<(Route, Evaluator<'a>)> {
+    fn truncated<'a>(&'a self, expansion: &Expansion, ports: &'a Ports, keep: usize) -> Result<(Route, Evaluator<'a>)> {
         let refuse = |why: &str| Err(Error::model(format!("modes = {keep}: {why}")));
-        if keep == 0 || keep > self.q.n() {
-            return refuse(&format!("the system has {}", self.q.n()));
+        if keep == 0 || keep > self.size() {
+            return refuse(&format!("the system has {}", self.size()));
         }
-        match (&self.normal, &self.real, &self.complex) {
-            (_, Some(modes), _) => Ok((Route::RealModes, real_evaluator(modes, ports, keep))),
-            (Some(form), _, Some(modes)) if modes.condition < WORST_VECTORS => {
-                Ok((Route::ComplexModes, complex_evaluator(form, modes, ports, keep)))
-            }
+        match expansion {
+            Expansion::Real(modes) => Ok((Route::RealModes, real_evaluator(modes, ports, keep))),
+            Expansion::Complex(modes) if modes.condition < WORST_VECTORS => match self.normal() {
+                Some(form) => Ok((Route::ComplexModes, complex_evaluator(form, modes, ports, keep))),
+                None => refuse("its mass matrix is not positive definite"),
+            },
             _ => refuse("the system has no well-conditioned modes to sum up; leave modes= out"),
         }
     }
 
     /// Complex modes whose expansion agrees with refined direct solves from the slowest to the fastest motion.
     pub fn trusted_modes(&self, ports: &Ports, counts: &mut Counts) -> Option<&ComplexModes> {
-        let (modes, form) = (self.complex.as_ref()?, self.normal.as_ref()?);
+        let Expansion::Complex(modes) = self.expansion(counts) else { return None };
+        let form = self.normal()?;
         if modes.condition >= WORST_VECTORS {
             return None;
         }
@@ -189,7 +167,7 @@ impl Reduction {
         let slow = slow.max(SLOWEST_CHECK * fast);
         let omega: Vec<f64> = (0..5).map(|k| slow * (fast / slow).powf(k as f64 / 4.0)).collect();
         let checks = self.references(ports, &omega, &[0, 1, 2, 3, 4], counts);
-        let evaluator = complex_evaluator(form, modes, ports, self.q.n());
+        let evaluator = complex_evaluator(form, modes, ports, self.size());
         let good = |check: &Check| check.distance(evaluator.at(omega[check.index])) < WORST_ACCEPTED;
         checks.iter().all(good).then_some(modes)
     }
@@ -215,7 +193,11 @@ impl Reduction {
                     if is_singular {
                         singular.push(k);
                     }
-                    (value, true)
+                    // what only lies near a pole keeps the digits of the matrices themselves
+                    match if is_singular { None } else { self.direct(ports, REFINEMENTS).at(w) } {
+                        Some(refined) => (refined, false),
+                        None => (value, true),
+                    }
                 }
             };
             for i in 0..n_out {
@@ -234,37 +216,31 @@ impl Reduction {
         Ok((h, singular))
     }
 
-    /// Frequencies at which a route is compared with refined direct solves: of each third of them the one that lies nearest to a
-    /// pole, measured by its size, where any error is largest.
-    fn samples(&self, omega: &[f64]) -> Vec<usize> {
-        let mut poles: Vec<c64> = self.poles().unwrap_or_default();
-        poles.retain(|p| p.im > 0.0);
-        poles.sort_by(|a, b| a.im.total_cmp(&b.im));
-        let distance = |w: f64| {
-            let at = poles.partition_point(|p| p.im < w.abs());
-            let near = at.saturating_sub(1)..(at + 1).min(poles.len());
-            let relative = near.map(|k| (c64::new(0.0, w.abs()) - poles[k]).norm() / poles[k].norm());
-            relative.fold(f64::INFINITY, f64::min)
-        };
-        let third = omega.len().div_ceil(3).max(1);
-        let nearest = |part: usize| {
-            let range = part * third..((part + 1) * third).min(omega.len());
-            range.map(|k| (distance(omega[k]), k)).min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, k)| k)
-        };
-        (0..3).filter_map(nearest).collect()
-    }
-
-    fn references(&self, ports: &Ports, omega: &[f64], samples: &[usize], counts: &mut Counts) -> Vec<Check> {
+    fn references<'a>(
+        &'a self,
+        ports: &'a Ports,
+        omega: &[f64],
+        samples: &[usize],
+        counts: &mut Counts,
+    ) -> Vec<Check<'a>> {
         let mix = input_mix(ports);
-        let load = Mat::from_fn(self.q.n(), 1, |i, _| {
+        let (inputs, outputs) = (spread(ports.n_in()), spread(ports.n_out()));
+        let load = Mat::from_fn(self.size(), 1, |i, _| {
             let sum: f64 = mix.iter().enumerate().map(|(j, r)| ports.f[(i, j)] * r).sum();
             c64::new(sum, 0.0)
         });
+        // each input, each output as an input
+        let each = Mat::from_fn(self.size(), inputs.len() + outputs.len(), |i, j| {
+            let own = j < inputs.len();
+            c64::new(if own { ports.f[(i, inputs[j])] } else { ports.l[(outputs[j - inputs.len()], i)] }, 0.0)
+        });
+        let each = Arc::new(Each { inputs, outputs, load: each });
         let mut checks = Vec::new();
         for &index in samples {
             counts.add("check solves", 1);
-            if let Some(solved) = self.q.solve(omega[index], load.as_ref(), &self.scale, 3) {
-                let motion = (0..self.q.n()).map(|i| solved.x[(i, 0)].norm() / self.scale[i]);
+            let factored = self.quadratic().factored(omega[index], self.scale());
+            if let Some(solved) = factored.solve(load.as_ref(), REFINEMENTS) {
+                let motion = (0..self.size()).map(|i| solved.x[(i, 0)].norm() / self.scale()[i]);
                 checks.push(Check {
                     index,
                     plain_error: solved.error,
@@ -272,6 +248,7 @@ impl Reduction {
                     motion: motion.fold(0.0, f64::max),
                     mix: mix.clone(),
                     unit: self.output_units(ports),
+                    entries: each.clone().entries(ports, factored),
                 });
             }
         }
@@ -281,17 +258,27 @@ impl Reduction {
     fn output_units(&self, ports: &Ports) -> Vec<f64> {
         (0..ports.n_out())
             .map(|i| {
-                let squares = (0..self.q.n()).map(|j| (ports.l[(i, j)] * self.scale[j]).powi(2));
+                let squares = (0..self.size()).map(|j| (ports.l[(i, j)] * self.scale()[j]).powi(2));
                 squares.sum::<f64>().sqrt()
             })
             .collect()
     }
 
-    fn prepare<'a>(&'a self, route: Route, ports: &'a Ports, counts: &mut Counts) -> Evaluator<'a> {
-        match (route, &self.normal, &self.real, &self.complex) {
-            (Route::RealModes, _, Some(modes), _) => real_evaluator(modes, ports, self.q.n()),
-            (Route::ComplexModes, Some(form), _, Some(modes)) => complex_evaluator(form, modes, ports, self.q.n()),
-            (Route::Hessenberg, Some(form), _, _) => {
+    fn prepare<'a>(
+        &'a self,
+        route: Route,
+        expansion: &Expansion,
+        ports: &'a Ports,
+        counts: &mut Counts,
+    ) -> Evaluator<'a> {
+        if let (Route::RealModes, Expansion::Real(modes)) = (route, expansion) {
+            return real_evaluator(modes, ports, self.size());
+        }
+        match (route, expansion, self.normal()) {
+            (Route::ComplexModes, Expansion::Complex(modes), Some(form)) => {
+                complex_evaluator(form, modes, ports, self.size())
+            }
+            (Route::Hessenberg, _, Some(form)) => {
                 let state = StateSpace::new(form, ports);
                 let reduced = self.hessenberg.get_or_init(|| {
                     counts.add("Hessenberg reductions", 1);
@@ -309,13 +296,80 @@ impl Reduction {
 
     fn direct<'a>(&'a self, ports: &'a Ports, refinements: usize) -> Evaluator<'a> {
         Evaluator::Direct {
-            q: &self.q,
-            scale: &self.scale,
+            q: self.quadratic(),
+            scale: self.scale(),
             l: complex(ports.l.as_ref()),
             f: complex(ports.f.as_ref()),
             refinements,
         }
     }
+}
+
+/// What a route may differ from refined direct solves.
+fn accepted(checks: &[Check<'_>]) -> f64 {
+    (10.0 * plain_error(checks)).clamp(ACCEPTED, WORST_ACCEPTED)
+}
+
+fn plain_error(checks: &[Check<'_>]) -> f64 {
+    checks.iter().map(|c| c.plain_error).fold(0.0, f64::max)
+}
+
+/// Some of `count` ports, evenly.
+fn spread(count: usize) -> Vec<usize> {
+    let kept = count.min(MOST_PORTS);
+    (0..kept).map(|k| k * count / kept).collect()
+}
+
+/// The inputs and outputs whose entries are compared, and their columns as right sides.
+struct Each {
+    inputs: Vec<usize>,
+    outputs: Vec<usize>,
+    load: Mat<c64>,
+}
+
+impl Each {
+    fn entries<'a>(self: Arc<Self>, ports: &'a Ports, factored: Factored<'a>) -> Entries<'a> {
+        let plain = self.solution(ports, &factored.plain(self.load.as_ref()));
+        Entries {
+            outputs: self.outputs.clone(),
+            inputs: self.inputs.clone(),
+            plain,
+            refined: Box::new(move || {
+                let solved = factored.solve(self.load.as_ref(), REFINEMENTS)?;
+                Some(self.solution(ports, &solved.x))
+            }),
+        }
+    }
+
+    fn solution(&self, ports: &Ports, x: &Mat<c64>) -> Solution {
+        let under_itself = |j: usize| (0..x.nrows()).map(|i| x[(i, j)] * self.load[(i, j)].re).sum::<c64>().norm();
+        let (n_out, n_in) = (self.outputs.len(), self.inputs.len());
+        let seen = |i: usize, j: usize| (0..x.nrows()).map(|k| x[(k, j)] * ports.l[(self.outputs[i], k)]).sum::<c64>();
+        let zero = |i: usize, j: usize| ZERO_ENTRY * (under_itself(n_in + i) * under_itself(j)).sqrt();
+        Solution { value: Mat::from_fn(n_out, n_in, seen), zero: Mat::from_fn(n_out, n_in, zero) }
+    }
+}
+
+/// Frequencies at which a route is compared with refined direct solves: the one that lies nearest to a pole, measured by its size, where
+/// any error is largest, and the slowest and the fastest, where entries of weak couplings are smallest.
+fn samples(expansion: &Expansion, omega: &[f64]) -> Vec<usize> {
+    let mut poles: Vec<c64> = expansion.poles().unwrap_or_default();
+    poles.retain(|p| p.im > 0.0);
+    poles.sort_by(|a, b| a.im.total_cmp(&b.im));
+    let distance = |w: f64| {
+        let at = poles.partition_point(|p| p.im < w.abs());
+        let near = at.saturating_sub(1)..(at + 1).min(poles.len());
+        let relative = near.map(|k| (c64::new(0.0, w.abs()) - poles[k]).norm() / poles[k].norm());
+        relative.fold(f64::INFINITY, f64::min)
+    };
+    let mut found: Vec<usize> = Vec::new();
+    let size = |k: usize| omega[k].abs();
+    let orders: [&dyn Fn(usize) -> f64; 3] = [&|k| distance(omega[k]), &size, &|k| -size(k)];
+    for order in orders {
+        let left = (0..omega.len()).filter(|k| !found.contains(k));
+        found.extend(left.min_by(|a, b| order(*a).total_cmp(&order(*b))));
+    }
+    found
 }
 
 fn real_evaluator<'a>(modes: &RealModes, ports: &Ports, keep: usize) -> Evaluator<'a> {
@@ -324,10 +378,10 @@ fn real_evaluator<'a>(modes: &RealModes, ports: &Ports, keep: usize) -> Evaluato
     let shape = columns(&modes.shape, &kept);
     Evaluator::Real {
         lambda: kept.iter().map(|k| modes.lambda[*k]).collect(),
+        noise: kept.iter().map(|k| modes.noise[*k].min(4.0 * f64::EPSILON * highest)).collect(),
         damping: kept.iter().map(|k| modes.damping[*k]).collect(),
         left: &ports.l * &shape,
         right: complex((shape.transpose() * &ports.f).as_ref()),
-        noise: 4.0 * f64::EPSILON * highest,
     }
 }
 
@@ -368,8 +422,9 @@ fn scaled(value: c64, factor: c64) -> c64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::second_order::linear_system::Matrices;
 
-    fn chain(n: usize, c: impl Fn(usize) -> f64) -> Quadratic {
+    fn chain(n: usize, c: impl Fn(usize) -> f64) -> LinearSystem {
         let tri = |i: usize, j: usize| match i.abs_diff(j) {
             0 => 2.0,
             1 => -1.0,
@@ -377,7 +432,7 @@ mod tests {
         };
         let m = Mat::identity(n, n);
         let d = Mat::from_fn(n, n, |i, j| if i == j { c(i) } else { 0.0 });
-        Quadratic::new(m, Some(d), Mat::from_fn(n, n, tri)).unwrap()
+        LinearSystem::new(Matrices { m, c: Some(d), g: None, k: Mat::from_fn(n, n, tri), n: None }).unwrap()
     }
 
     fn end_to_end(n: usize) -> Ports {
@@ -393,17 +448,16 @@ mod tests {
     #[test]
     fn each_damping_takes_its_route_and_agrees_with_direct_solves() {
         let omega: Vec<f64> = (0..40).map(|k| 0.05 * k as f64 + 0.01).collect();
-        let cases: [(Quadratic, Route); 3] = [
+        let cases: [(LinearSystem, Route); 3] = [
             (chain(12, |_| 0.0), Route::RealModes),
             (chain(12, |_| 0.03), Route::RealModes),
             (chain(12, |i| 0.01 * i as f64), Route::ComplexModes),
         ];
-        for (q, route) in cases {
-            let reduction = Reduction::new(q).unwrap();
-            let values = reduction.evaluate(&end_to_end(12), &omega, None, true, &Cancel::default()).unwrap();
+        for (system, route) in cases {
+            let values = system.evaluate(&end_to_end(12), &omega, None, true, &Cancel::default()).unwrap();
             assert_eq!(values.route, route);
             let ports = end_to_end(12);
-            let direct = reduction.direct(&ports, 3);
+            let direct = system.direct(&ports, 3);
             for (k, w) in omega.iter().enumerate() {
                 let expected = direct.at(*w).unwrap()[(0, 0)];
                 assert!((values.h[k] - expected).norm() < 1e-11 * expected.norm().max(1e-3));
@@ -422,12 +476,12 @@ mod tests {
             1 => -0.9,
             _ => 0.0,
         });
-        let reduction = Reduction::new(Quadratic::new(m, Some(d), s).unwrap()).unwrap();
+        let system = LinearSystem::new(Matrices { m, c: Some(d), g: None, k: s, n: None }).unwrap();
         let mut ports = end_to_end(n);
         ports.l = Mat::from_fn(1, n, |_, j| (j == 50) as u8 as f64);
         ports.f = Mat::from_fn(n, 1, |i, _| (i + 1 == n) as u8 as f64);
-        let omega = [0.3, 1.0];
-        let values = reduction.evaluate(&ports, &omega, None, true, &Cancel::default()).unwrap();
+        let omega: Vec<f64> = (0..9).map(|k| 0.2 + 0.1 * k as f64).collect();
+        let values = system.evaluate(&ports, &omega, None, true, &Cancel::default()).unwrap();
         assert_eq!(values.route, Route::Hessenberg);
         for (h, w) in values.h.iter().zip(omega) {
             // 1 / (1 + i w)^2 per oscillator, 0.9 per link
@@ -435,5 +489,22 @@ mod tests {
             let expected = (one * 0.9).powu(9) * one;
             assert!((h - expected).norm() < 1e-11 * expected.norm());
         }
+    }
+
+    #[test]
+    fn few_frequencies_are_solved_directly() {
+        let route = |count: usize| {
+            let omega: Vec<f64> = (0..count).map(|k| 0.11 + 0.2 * k as f64).collect();
+            let system = chain(12, |i| 0.01 * i as f64);
+            system.evaluate(&end_to_end(12), &omega, None, true, &Cancel::default()).unwrap().route
+        };
+        assert_eq!((route(1), route(8), route(9)), (Route::Direct, Route::Direct, Route::ComplexModes));
+    }
+
+    #[test]
+    fn of_many_ports_some_are_compared() {
+        assert_eq!(spread(12), (0..12).collect::<Vec<_>>());
+        let some = spread(40);
+        assert!(some.len() == 12 && some[0] == 0 && some[11] == 36 && some.is_sorted_by(|a, b| a < b));
     }
 }

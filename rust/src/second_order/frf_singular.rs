@@ -5,7 +5,7 @@
 use faer::linalg::solvers::DenseSolveCore;
 use faer::{Mat, MatRef, c64};
 
-use super::frf::Reduction;
+use super::linear_system::LinearSystem;
 use super::ports::{Ports, complex, i_omega};
 use crate::error::{Error, Result};
 use crate::linalg::quadratic::is_finite_complex;
@@ -30,8 +30,8 @@ struct Split {
 }
 
 /// H without the feedthrough but with all powers of i omega, and whether Z is singular at all.
-pub fn transfer(reduction: &Reduction, ports: &Ports, w: f64) -> Result<(Mat<c64>, bool)> {
-    let frame = Frame::new(reduction, ports);
+pub fn transfer(system: &LinearSystem, ports: &Ports, w: f64) -> Result<(Mat<c64>, bool)> {
+    let frame = Frame::new(system, ports);
     let split = frame.split(w)?;
     let (l, f) = (&frame.l, &frame.f);
     let order = |j: usize| ports.order_in[j] + ports.order_out;
@@ -66,9 +66,9 @@ enum Limit {
 }
 
 impl Frame {
-    fn new(reduction: &Reduction, ports: &Ports) -> Self {
-        let q = &reduction.q;
-        match &reduction.normal {
+    fn new(system: &LinearSystem, ports: &Ports) -> Self {
+        let q = system.quadratic();
+        match system.normal() {
             Some(form) => Frame {
                 m: None,
                 d: form.d.as_ref().map(|d| complex(d.as_ref())),

@@ -1,5 +1,6 @@
 //! The second-order linear system that all linear analyses see: (s^2 M + s (C + G) + K + N) x = f.
 pub mod eigen_sensitivity;
+mod expansion;
 pub mod frf;
 pub mod frf_resonances;
 pub mod frf_routes;
@@ -7,13 +8,14 @@ pub mod frf_sensitivity;
 pub mod frf_singular;
 pub mod frf_sparse;
 pub mod history;
+pub mod linear_system;
 pub mod modal;
-pub mod modes_of;
 pub mod ports;
 pub mod response;
 pub mod response_sensitivity;
 pub mod sparse_crowded;
 pub mod sparse_damped;
+pub mod sparse_general;
 pub mod sparse_modal;
 pub mod sparse_pencil;
 pub mod sparse_polynomial;
@@ -23,6 +25,7 @@ use faer::Mat;
 
 use crate::error::{Error, Result};
 use crate::linalg::dense::{asymmetry, is_finite, is_zero, symmetrised};
+use crate::linalg::quadratic::Quadratic;
 use crate::tolerances::matrices::ASYMMETRY;
 use crate::tolerances::modes::{ENTRY_ROUNDING, INDEFINITE};
 
@@ -53,7 +56,6 @@ impl SecondOrder {
         g: Option<Mat<f64>>,
         k: Mat<f64>,
         n: Option<Mat<f64>>,
-        kf: Option<Mat<f64>>,
     ) -> Result<Self> {
         let size = m.nrows();
         if size == 0 {
@@ -64,6 +66,12 @@ impl SecondOrder {
         let c = present("C", c, size, 1.0)?;
         let g = present("G", g, size, -1.0)?;
         let n = present("N", n, size, -1.0)?;
+        Ok(SecondOrder { m, c, g, k, n, kf: None, mf: None })
+    }
+
+    /// The same system with a factor of its stiffness matrix, if there is one.
+    pub fn with_stiffness_factor(self, kf: Option<Mat<f64>>) -> Result<Self> {
+        let size = self.size();
         if let Some(kf) = &kf {
             if kf.ncols() != size {
                 return Err(Error::model(format!(
@@ -75,7 +83,15 @@ impl SecondOrder {
                 return Err(Error::model("the stiffness factor contains NaN or infinite entries"));
             }
         }
-        Ok(SecondOrder { m, c, g, k, n, kf, mf: None })
+        Ok(SecondOrder { kf, ..self })
+    }
+
+    /// M, D and S, with D and S in their symmetric and skew parts.
+    pub fn split(q: &Quadratic) -> Result<Self> {
+        let part =
+            |a: &Mat<f64>, sign: f64| Mat::from_fn(a.nrows(), a.ncols(), |i, j| 0.5 * (a[(i, j)] + sign * a[(j, i)]));
+        let of = |sign: f64| q.d.as_ref().map(|d| part(d, sign));
+        SecondOrder::new(q.m.clone(), of(1.0), of(-1.0), part(&q.s, 1.0), Some(part(&q.s, -1.0)))
     }
 
     /// The same system with a factor of its mass matrix.

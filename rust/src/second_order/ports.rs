@@ -23,6 +23,9 @@ impl Ports {
     /// Errors unless all maps are finite and fit n coordinates.
     pub fn check(&self, n: usize) -> Result<()> {
         let (n_out, n_in) = (self.l.nrows(), self.f.ncols());
+        if n == 0 {
+            return Err(Error::model("the system has no coordinates; it needs at least one"));
+        }
         if self.l.ncols() != n || self.f.nrows() != n {
             return Err(Error::model(format!(
                 "the output map is {} x {} and the input map {} x {}; they must be (outputs, {n}) and ({n}, inputs)",

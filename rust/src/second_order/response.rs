@@ -7,9 +7,9 @@ use std::collections::BTreeMap;
 
 use faer::Mat;
 
-use super::frf::Reduction;
+use super::expansion::{ComplexModes, Expansion, RealModes};
 use super::history::History;
-use super::modes_of::{ComplexModes, RealModes};
+use super::linear_system::LinearSystem;
 use super::ports::Ports;
 use super::state::{StateSpace, initial, massless};
 use crate::error::{Error, Result};
@@ -59,19 +59,19 @@ pub struct Propagator {
 
 impl Linear {
     /// The cheapest uncoupled form: real modes, complex modes where their vectors are well conditioned, else one dense block.
-    pub fn new(reduction: &Reduction, ports: &Ports, x0: &[f64], v0: &[f64]) -> Result<Self> {
-        let n = reduction.q.n();
+    pub fn new(system: &LinearSystem, ports: &Ports, x0: &[f64], v0: &[f64]) -> Result<Self> {
+        let n = system.quadratic().n();
         ports.check(n)?;
         check_state(n, x0, v0)?;
-        let Some(form) = &reduction.normal else {
-            return Err(massless(&reduction.q));
+        let Some(form) = system.normal() else {
+            return Err(massless(system.quadratic()));
         };
         let mut counts = Counts::default();
         let direct = StateSpace::new(form, ports).direct(&ports.order_in, ports.d0.as_ref());
-        let (blocks, route) = if let Some(modes) = &reduction.real {
-            (real_blocks(reduction, modes, ports, x0, v0), "real modes")
+        let (blocks, route) = if let Expansion::Real(modes) = system.expansion(&mut counts) {
+            (real_blocks(system, modes, ports, x0, v0), "real modes")
         } else {
-            let modes = if 2 * n > DENSE_STATES { reduction.trusted_modes(ports, &mut counts) } else { None };
+            let modes = if 2 * n > DENSE_STATES { system.trusted_modes(ports, &mut counts) } else { None };
             match modes {
                 Some(modes) => (complex_blocks(form, modes, ports, x0, v0), "complex modes"),
                 None => (vec![dense_block(form, ports, x0, v0)], "exponential"),
@@ -234,12 +234,12 @@ fn dense_block(form: &NormalForm, ports: &Ports, x0: &[f64], v0: &[f64]) -> Bloc
     }
 }
 
-fn real_blocks(reduction: &Reduction, modes: &RealModes, ports: &Ports, x0: &[f64], v0: &[f64]) -> Vec<Block> {
+fn real_blocks(system: &LinearSystem, modes: &RealModes, ports: &Ports, x0: &[f64], v0: &[f64]) -> Vec<Block> {
     let n = x0.len();
     let seen = &ports.l * &modes.shape;
     let driven = modes.shape.transpose() * &ports.f;
     let state = Mat::from_fn(n, 2, |i, k| if k == 0 { x0[i] } else { v0[i] });
-    let start = modes.shape.transpose() * (&reduction.q.m * state);
+    let start = modes.shape.transpose() * (&system.quadratic().m * state);
     (0..n)
         .map(|r| {
             let (lambda, c) = (modes.lambda[r], modes.damping[r]);
@@ -294,17 +294,16 @@ fn complex_blocks(form: &NormalForm, modes: &ComplexModes, ports: &Ports, x0: &[
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::linalg::quadratic::Quadratic;
+    use crate::second_order::linear_system::Matrices;
 
     #[test]
     fn ramp_on_an_oscillator_is_exact_in_one_step() {
         let one = |v: f64| Mat::from_fn(1, 1, |_, _| v);
-        let q = Quadratic::new(one(2.0), None, one(8.0)).unwrap();
-        let reduction = Reduction::new(q).unwrap();
+        let system = LinearSystem::new(Matrices { m: one(2.0), c: None, g: None, k: one(8.0), n: None }).unwrap();
         let ports = Ports { l: one(1.0), f: one(1.0), order_in: vec![0], order_out: 0, d0: None };
         let history =
             History { t: vec![0.0, 1.3], u: Mat::from_fn(1, 2, |_, j| 1.3 * j as f64), bulge: Mat::zeros(1, 1) };
-        let linear = Linear::new(&reduction, &ports, &[0.0], &[0.0]).unwrap();
+        let linear = Linear::new(&system, &ports, &[0.0], &[0.0]).unwrap();
         let motion = linear.run(&history, &Cancel::default()).unwrap();
         // 2 y'' + 8 y = t: y = (t - sin(2 t) / 2) / 8
         let expected = (1.3 - (2.6_f64).sin() / 2.0) / 8.0;

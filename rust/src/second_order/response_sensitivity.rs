@@ -6,8 +6,8 @@ use std::collections::BTreeMap;
 
 use faer::{Mat, MatRef};
 
-use super::frf::Reduction;
 use super::history::History;
+use super::linear_system::LinearSystem;
 use super::ports::Ports;
 use super::response::{Motion, Propagator, add_direct, add_outputs, check_state, column};
 use super::state::{StateSpace, initial, massless};
@@ -39,20 +39,20 @@ struct Direction {
 
 /// The motion's derivative along each parameter.
 pub fn sensitivities(
-    reduction: &Reduction,
+    system: &LinearSystem,
     ports: &Ports,
     variations: &[Variation],
     start: (&[f64], &[f64]),
     history: &History,
     cancel: &Cancel,
 ) -> Result<Vec<Motion>> {
-    let n = reduction.q.n();
+    let n = system.quadratic().n();
     let (x0, v0) = start;
     ports.check(n)?;
     check_state(n, x0, v0)?;
     history.check(ports.n_in())?;
-    let Some(form) = &reduction.normal else {
-        return Err(massless(&reduction.q));
+    let Some(form) = system.normal() else {
+        return Err(massless(system.quadratic()));
     };
     let state = StateSpace::new(form, ports);
     let x0 = column(&initial(form, x0, v0), 0);

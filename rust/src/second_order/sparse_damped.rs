@@ -286,7 +286,7 @@ fn iterated(
 fn every(system: &Damped) -> Result<Found> {
     let n = system.m.rows;
     let dense = |a: &Csc| Mat::from_fn(n, n, |i, j| a.get(i, j));
-    let q = Quadratic::new(dense(&system.m), Some(dense(&system.d)), dense(&system.s))?;
+    let q = Quadratic::new(dense(&system.m), Some(dense(&system.d)), dense(&system.s));
     let failed = || Error::singular("the dense eigenproblem of the damped system did not converge");
     let form = q.normal_form().ok_or_else(failed)?;
     let eigen = form.state_matrix(form.rate()).eigen().map_err(|_| failed())?;

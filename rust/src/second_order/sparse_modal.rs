@@ -1,6 +1,7 @@
 //! The n lowest modes of large sparse systems by shift-invert: K x = lambda M x, symmetric.
 //!
 //! The basis comes from a block Krylov space, completeness is shown by inertia counts, residuals are computed anew.
+use faer::linalg::solvers::SelfAdjointEigen;
 use faer::{Mat, MatRef};
 
 use super::sparse_pencil::{Pencil, ShiftInvert};
@@ -8,7 +9,7 @@ use crate::error::{Error, Result};
 use crate::linalg::krylov::{Operator, Options, Ritz, Space};
 use crate::linalg::sparse::Csc;
 use crate::run::{Cancel, Counts};
-use crate::tolerances::modes::{BISECTIONS, DATA_ROUNDING, PATIENCE};
+use crate::tolerances::modes::{BISECTIONS, DATA_ROUNDING, PATIENCE, SEMIDEFINITE};
 use crate::tolerances::sparse_modes::{
     CONSTRAINED, ELASTIC, FIRST_SHIFT, GAP, RIGID, RIGID_BY_STRAINS, SAME_VALUE, SOFT, SUM_ROUNDING,
 };
@@ -128,7 +129,7 @@ fn is_small(pencil: &impl Pencil, options: &Options) -> bool {
     pencil.free_dim() < options.dim + 3 * options.block
 }
 
-/// All eigenpairs of L^T Op L^-T, of which the `wanted` largest are returned.
+/// All eigenpairs of L^T A^-1 L with M = L L^T, of which the `wanted` largest are returned. O(n^3).
 fn every(pencil: &impl Pencil, op: &ShiftInvert<'_>, wanted: usize) -> Result<(Vec<f64>, Mat<f64>)> {
     let n = pencil.dim();
     if n > LARGEST_DENSE {
@@ -137,23 +138,16 @@ fn every(pencil: &impl Pencil, op: &ShiftInvert<'_>, wanted: usize) -> Result<(V
             pencil.free_dim()
         )));
     }
-    let m = Mat::from_fn(n, n, |i, j| pencil.mass().get(i, j));
-    let l = m.llt(faer::Side::Lower).map_err(|_| Error::singular("the mass matrix is not positive definite"))?;
-    let l = l.L();
-    // Op L^-T = A^-1 L restricted to the coordinates
-    let mut columns = Mat::<f64>::identity(n, n);
-    l.transpose().solve_upper_triangular_in_place(&mut columns);
-    let mut x = Mat::zeros(n, n);
-    op.apply(columns.as_ref(), x.as_mut())?;
+    let (l, pseudo_inverse) = mass_factor(&Mat::from_fn(n, n, |i, j| pencil.mass().get(i, j)))?;
+    let mut x = Mat::zeros(n, l.ncols());
+    op.apply(pseudo_inverse.as_ref(), x.as_mut())?;
     let b = l.transpose() * &x;
     if !crate::linalg::quadratic::is_finite(b.as_ref()) {
         return Err(Error::singular("the shifted matrix is singular"));
     }
-    let symmetric = Mat::from_fn(n, n, |i, j| 0.5 * (b[(i, j)] + b[(j, i)]));
-    let eigen = symmetric
-        .self_adjoint_eigen(faer::Side::Lower)
-        .map_err(|_| Error::singular("the dense eigenproblem did not converge"))?;
-    let mut order: Vec<usize> = (0..n).collect();
+    let symmetric = Mat::from_fn(b.nrows(), b.nrows(), |i, j| 0.5 * (b[(i, j)] + b[(j, i)]));
+    let eigen = eigen_of(&symmetric)?;
+    let mut order: Vec<usize> = (0..b.nrows()).collect();
     order.sort_by(|a, b| eigen.S()[*b].abs().total_cmp(&eigen.S()[*a].abs()));
     let largest = order.first().map_or(0.0, |k| eigen.S()[*k].abs());
     // constraints leave exact zeros, which rounding blurs
@@ -165,9 +159,28 @@ fn every(pencil: &impl Pencil, op: &ShiftInvert<'_>, wanted: usize) -> Result<(V
         )));
     }
     order.truncate(wanted);
-    let mut shape = Mat::from_fn(n, wanted, |i, j| eigen.U()[(i, order[j])]);
-    l.transpose().solve_upper_triangular_in_place(&mut shape);
-    Ok((order.iter().map(|k| eigen.S()[*k]).collect(), shape))
+    let value: Vec<f64> = order.iter().map(|k| eigen.S()[*k]).collect();
+    let chosen = Mat::from_fn(b.nrows(), wanted, |i, j| eigen.U()[(i, order[j])] / value[j]);
+    Ok((value, x * chosen))
+}
+
+/// L and the transpose of its pseudo-inverse for M = L L^T, M semidefinite: the inertia of a rod about its own axis is zero or rounding.
+fn mass_factor(m: &Mat<f64>) -> Result<(Mat<f64>, Mat<f64>)> {
+    let n = m.nrows();
+    let size: Vec<f64> = (0..n).map(|i| if m[(i, i)] > 0.0 { m[(i, i)].sqrt() } else { 1.0 }).collect();
+    let eigen = eigen_of(&Mat::from_fn(n, n, |i, j| m[(i, j)] / (size[i] * size[j])))?;
+    let value = |k: usize| eigen.S()[k];
+    if (0..n).any(|k| value(k) < -SEMIDEFINITE) {
+        return Err(Error::singular("the mass matrix is not positive definite: give every coordinate a mass"));
+    }
+    let inert: Vec<usize> = (0..n).filter(|&k| value(k) > n as f64 * f64::EPSILON).collect();
+    let entry = |i: usize, j: usize| (eigen.U()[(i, inert[j])], value(inert[j]).sqrt());
+    let l = Mat::from_fn(n, inert.len(), |i, j| size[i] * entry(i, j).0 * entry(i, j).1);
+    Ok((l, Mat::from_fn(n, inert.len(), |i, j| entry(i, j).0 / (size[i] * entry(i, j).1))))
+}
+
+fn eigen_of(a: &Mat<f64>) -> Result<SelfAdjointEigen<f64>> {
+    a.self_adjoint_eigen(faer::Side::Lower).map_err(|_| Error::singular("the dense eigenproblem did not converge"))
 }
 
 fn start<'a>(

@@ -51,6 +51,14 @@ impl<'a> ShiftInvert<'a> {
     fn new(factor: Factor, m: &'a Csc) -> Self {
         ShiftInvert { factor, m, rhs: RefCell::new(Mat::new()) }
     }
+
+    /// The first rows of A^-1 [f; 0].
+    pub fn solve(&self, force: MatRef<'_, f64>) -> Mat<f64> {
+        let mut rhs = Mat::zeros(self.factor.n(), force.ncols());
+        rhs.as_mut().subrows_mut(0, force.nrows()).copy_from(force);
+        self.factor.solve(rhs.as_mut());
+        rhs.subrows(0, force.nrows()).to_owned()
+    }
 }
 
 impl Operator for ShiftInvert<'_> {

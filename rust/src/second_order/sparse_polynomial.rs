@@ -164,7 +164,7 @@ mod tests {
         let d = Csc::from_entries(n, n, vec![(7, 7, 0.4), (20, 20, 9.0)]);
         let s = Csc::from_entries(n, n, k);
         let dense = |a: &Csc| faer::Mat::from_fn(n, n, |i, j| a.get(i, j));
-        let q = crate::linalg::quadratic::Quadratic::new(dense(&m), Some(dense(&d)), dense(&s)).unwrap();
+        let q = crate::linalg::quadratic::Quadratic::new(dense(&m), Some(dense(&d)), dense(&s));
         let form = q.normal_form().unwrap();
         let eigen = form.state_matrix(form.rate()).eigen().unwrap();
         let mut all: Vec<c64> = (0..2 * n).map(|k| eigen.S()[k]).filter(|s| s.im >= 0.0).collect();

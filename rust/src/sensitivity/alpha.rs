@@ -19,6 +19,7 @@ use crate::multibody::topology::Level;
 use crate::run::Counts;
 use crate::spatial::Real;
 
+use super::closing::Aligned;
 use super::march::Here;
 
 /// What a scheme carries, over T.
@@ -60,24 +61,14 @@ pub fn closure<T: Real>(eq: &Equations<'_, T>, p: Parameters, m: &Motion<T>, h: 
     closure_by(eq, m, h * b / g)
 }
 
-/// The step at its solution: matrices factorised, and what aligned its rates.
+/// The step at its solution: matrices factorised.
 pub struct Solved {
     pub step: Kkt,
-    /// [M J^T; J 0] at the end
-    pub end: Kkt,
+    /// how v* became v1
+    pub end: Aligned,
     pub s1: Vec<f64>,
     pub lam: Vec<f64>,
-    /// v1 - v*, and the multipliers that made it
-    pub dv: Vec<f64>,
-    pub kappa: Vec<f64>,
     pub linear: Linear,
-}
-
-/// [M J^T; J 0] of an instant.
-pub fn accelerating(eq: &Equations<'_, f64>, m: &Motion<f64>) -> Result<(Kkt, DMatrix<f64>)> {
-    let jacobian = eq.rows(m).1;
-    let by = eq.kkt_of(&eq.mass(m), &jacobian, &jacobian)?;
-    Ok((by, jacobian))
 }
 
 fn lost() -> Error {
@@ -115,11 +106,8 @@ impl Solved {
         counts.add("factorisations", 2);
         let step = eq.kkt_of(&matrix, jacobian, &right)?;
         let there = Motion { memory: start.memory.clone(), ..end.instant.motion.clone() };
-        let (by, jacobian) = accelerating(eq, &there)?;
-        let dv: Vec<f64> = (there.rate.iter().zip(&m.rate)).map(|(v, star)| v - star).collect();
-        let made = &jacobian * DVector::from_column_slice(&dv);
-        let kappa = by.solve_one(&DVector::zeros(eq.n()), &made)?.1;
-        Ok(Solved { step, end: by, s1, lam, dv, kappa: kappa.as_slice().to_vec(), linear })
+        let end = Aligned::new(eq, &there, &m.rate)?;
+        Ok(Solved { step, end, s1, lam, linear })
     }
 }
 

@@ -162,6 +162,7 @@ fn lifted(placed: &Placement<f64>) -> Placement<Dual64> {
         column: placed.column.iter().map(six).collect(),
         velocity: None,
         modal: Vec::new(),
+        turns: None,
     }
 }
 

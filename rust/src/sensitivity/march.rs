@@ -3,6 +3,8 @@ use std::borrow::Cow;
 
 use crate::error::{Error, Result};
 use crate::integrate::ali3p::{Factors, Record, Trend, Weight};
+use crate::integrate::bdf::Bdf;
+use crate::integrate::bdf::record::{Kept, Kind, Recorded};
 use crate::integrate::dop853_numbers::STAGES;
 use crate::integrate::generalized_alpha::{Carried, GeneralizedAlpha, Parameters};
 use crate::integrate::radau::{FIVE, Radau};
@@ -10,6 +12,7 @@ use crate::integrate::{Equations, Instant, Scheme};
 use crate::run::{Cancel, Counts};
 
 use super::Plan;
+use super::bdf;
 use super::runge_kutta::{self, Stages, inner_nodes, start_weight};
 
 /// The scheme, with what distinguishes its variants.
@@ -20,6 +23,8 @@ pub enum Rule {
     Alpha(f64),
     Explicit,
     Radau,
+    /// backward differences, in the ways of `Plan::kinds`
+    Bdf,
 }
 
 /// A quadrature over each step: what its start and its end count, and (fraction of the step, weight) of nodes inside.
@@ -28,34 +33,51 @@ pub struct Quadrature {
     pub inner: Vec<(f64, f64)>,
 }
 
+impl Quadrature {
+    /// Of those that read no stage: order two.
+    fn trapezoidal() -> Self {
+        Quadrature { ends: [0.5, 0.5], inner: Vec::new() }
+    }
+}
+
 impl Rule {
-    /// The scheme's own: an integral is as accurate as the motion.
+    /// The scheme's own: an integral is as accurate as the motion. That of "bdf" is in its first steps: see `bdf::weights`.
     pub fn quadrature(&self) -> Quadrature {
         match self {
             Rule::Explicit => {
                 Quadrature { ends: [start_weight(), 0.0], inner: inner_nodes().map(|(_, c, b)| (c, b)).collect() }
             }
             // at all stages, the last of them before the end is moved to the constraints: as a state would be integrated
-            Rule::Radau => {
+            Rule::Radau | Rule::Bdf => {
                 let weights = FIVE.a.last().copied().unwrap_or_default();
                 let inner = FIVE.c.iter().zip(weights).map(|(c, b)| (*c, *b)).collect();
                 Quadrature { ends: [0.0, 0.0], inner }
             }
-            Rule::Ali3p(_) | Rule::Alpha(_) => Quadrature { ends: [0.5, 0.5], inner: Vec::new() },
+            Rule::Ali3p(_) | Rule::Alpha(_) => Quadrature::trapezoidal(),
         }
     }
 
     pub fn n_inner(&self) -> usize {
         match self {
             Rule::Explicit => inner_nodes().count(),
-            Rule::Radau => FIVE.stages(),
+            Rule::Radau | Rule::Bdf => FIVE.stages(),
             Rule::Ali3p(_) | Rule::Alpha(_) => 0,
         }
     }
 
-    /// Is the metric of its projections differentiated too?
-    pub fn bends(&self) -> bool {
-        matches!(self, Rule::Ali3p(_) | Rule::Alpha(_))
+    /// What an integral over the motion counts of all rows of a plan: ends of steps, then nodes inside them.
+    pub fn weights(&self, times: &[f64], kinds: &[Kind]) -> Vec<f64> {
+        if let Rule::Bdf = self {
+            return bdf::weights(times, kinds, &self.quadrature());
+        }
+        let Quadrature { ends: [first, last], inner } = self.quadrature();
+        let mut out = vec![0.0; times.len()];
+        for (i, t) in times.windows(2).enumerate() {
+            out[i] += first * (t[1] - t[0]);
+            out[i + 1] += last * (t[1] - t[0]);
+        }
+        out.extend(times.windows(2).flat_map(|t| inner.iter().map(move |(_, b)| b * (t[1] - t[0]))));
+        out
     }
 
     /// Does a step solve for the states of laws by the trapezoidal rule?
@@ -70,6 +92,7 @@ impl Rule {
             Rule::Alpha(_) => 0,
             Rule::Explicit => runge_kutta::kept(STAGES, n, rows),
             Rule::Radau => runge_kutta::kept(FIVE.stages(), n, rows),
+            Rule::Bdf => runge_kutta::kept(bdf::HELD, n, rows),
         }
     }
 }
@@ -81,13 +104,15 @@ pub struct Here {
     pub carried: Option<Carried>,
     /// with which ALI3-P foresees the next accelerations: a step is the same, to the last digit, wherever a run of them begins
     pub trend: Trend,
+    /// of "bdf"
+    pub kept: Option<Kept>,
 }
 
 impl Here {
     /// Before the first step.
     pub fn first(instant: Instant, rule: Rule) -> Self {
         let carried = match rule {
-            Rule::Ali3p(_) | Rule::Explicit | Rule::Radau => None,
+            Rule::Ali3p(_) | Rule::Explicit | Rule::Radau | Rule::Bdf => None,
             Rule::Alpha(_) => Some(Carried {
                 t: instant.motion.t,
                 a: instant.acceleration.clone(),
@@ -97,7 +122,12 @@ impl Here {
                 h: 0.0,
             }),
         };
-        Here { instant, carried, trend: Trend::default() }
+        Here { carried, ..Here::at(instant) }
+    }
+
+    /// Nothing is carried on.
+    fn at(instant: Instant) -> Self {
+        Here { instant, carried: None, trend: Trend::default(), kept: None }
     }
 }
 
@@ -107,6 +137,7 @@ pub enum Made {
     Alpha(Parameters, f64),
     RungeKutta(Box<Stages>),
     Radau(Box<Stages>),
+    Bdf(Box<Stages>, Box<Recorded>),
 }
 
 impl Here {
@@ -125,14 +156,14 @@ impl Made {
         match self {
             Made::Ali3p(record, _) => record.h,
             Made::Alpha(_, h) => *h,
-            Made::RungeKutta(stages) | Made::Radau(stages) => stages.h,
+            Made::RungeKutta(stages) | Made::Radau(stages) | Made::Bdf(stages, _) => stages.h,
         }
     }
 
     /// The start of the step as the scheme takes it.
     pub fn start<'h>(&self, eq: &Equations<'_, f64>, from: &'h Here) -> Cow<'h, Here> {
         match self {
-            Made::RungeKutta(_) | Made::Radau(_) => Cow::Borrowed(from),
+            Made::RungeKutta(_) | Made::Radau(_) | Made::Bdf(..) => Cow::Borrowed(from),
             _ => from.opened(eq, self.length()),
         }
     }
@@ -162,13 +193,14 @@ pub struct March<'a> {
     plan: &'a Plan,
     alpha: Option<GeneralizedAlpha>,
     radau: Option<Radau>,
+    bdf: Option<Bdf>,
     /// tangents come along with the factors; on the way back they are of no use
     tangents: bool,
 }
 
 impl<'a> March<'a> {
     pub fn new(eq: &'a Equations<'a, f64>, plan: &'a Plan) -> Self {
-        March { eq, plan, alpha: None, radau: None, tangents: false }
+        March { eq, plan, alpha: None, radau: None, bdf: None, tangents: false }
     }
 
     pub fn with_tangents(self) -> Self {
@@ -179,6 +211,7 @@ impl<'a> March<'a> {
     pub fn forget(&mut self) {
         self.alpha = None;
         self.radau = None;
+        self.bdf = None;
     }
 
     /// The end of step i, memories included, and how it came about.
@@ -212,7 +245,7 @@ impl<'a> March<'a> {
                 end.motion.t = t;
                 by.linear = by.linear.filter(|_| self.tangents);
                 self.eq.remember(&mut end.motion, counts);
-                let here = Here { instant: end, carried: None, trend };
+                let here = Here { trend, ..Here::at(end) };
                 Ok((here, Made::Ali3p(record, Box::new(by))))
             }
             Rule::Alpha(rho) => {
@@ -225,28 +258,56 @@ impl<'a> March<'a> {
                 step.end.motion.t = t;
                 self.eq.remember(&mut step.end.motion, counts);
                 scheme.accept(self.eq, &from.instant, &step, h);
-                let here = Here { carried: scheme.carried().cloned(), instant: step.end, trend: Trend::default() };
+                let here = Here { carried: scheme.carried().cloned(), ..Here::at(step.end) };
                 Ok((here, Made::Alpha(Parameters::of(rho), h)))
             }
             Rule::Explicit => {
                 let (mut end, stages) = runge_kutta::step(self.eq, &from.instant, h, counts)?;
                 end.motion.t = t;
                 self.eq.remember(&mut end.motion, counts);
-                let here = Here { instant: end, carried: None, trend: Trend::default() };
-                Ok((here, Made::RungeKutta(Box::new(stages))))
+                Ok((Here::at(end), Made::RungeKutta(Box::new(stages))))
             }
             Rule::Radau => {
                 let scheme = self.radau.get_or_insert_with(|| Radau::new(None).recording());
                 let mut step = scheme.step(self.eq, &from.instant, h, false, counts)?;
-                let stages = Stages::implicit(h, scheme.recorded(), &step.end);
-                self.eq.same_branch(stages.rate(), &step.end, h)?;
+                let stages = Stages::implicit(h, scheme.recorded(), &step.end)?;
+                self.eq.same_branch(&stages.open.rate, &step.end, h)?;
                 step.end.motion.t = t;
                 self.eq.remember(&mut step.end.motion, counts);
                 scheme.accept(self.eq, &from.instant, &step, h);
-                let here = Here { instant: step.end, carried: None, trend: Trend::default() };
-                Ok((here, Made::Radau(Box::new(stages))))
+                Ok((Here::at(step.end), Made::Radau(Box::new(stages))))
             }
+            Rule::Bdf => self.multistep(i, from, counts),
         }
+    }
+
+    fn multistep(&mut self, i: usize, from: &Here, counts: &mut Counts) -> Result<(Here, Made)> {
+        let (eq, h) = (self.eq, self.plan.step(i));
+        let kind = *self.plan.kinds.get(i).ok_or_else(|| Error::model("a step of bdf has no order"))?;
+        let scheme = self.bdf.get_or_insert_with(|| {
+            let mut scheme = Bdf::scripted();
+            scheme.resume(from.kept.clone());
+            scheme
+        });
+        scheme.next(kind);
+        let mut step = scheme.step(eq, &from.instant, h, false, counts)?;
+        let end = step.end.clone();
+        step.end.motion.t = self.plan.times[i + 1];
+        eq.remember(&mut step.end.motion, counts);
+        scheme.accept(eq, &from.instant, &step, h);
+        let here = Here { kept: Some(scheme.kept()), ..Here::at(step.end) };
+        let (recorded, mut stages) = scheme.recorded();
+        let own = recorded.filter(|r| r.stage.is_some());
+        if let Some(stage) = own.as_ref().and_then(|r| r.stage.clone()) {
+            stages = vec![stage];
+        }
+        let stages = Stages::implicit(h, stages, &end)?;
+        eq.same_branch(&stages.open.rate, &end, h)?;
+        let made = match own {
+            Some(own) => Made::Bdf(Box::new(stages), Box::new(own)),
+            None => Made::Radau(Box::new(stages)),
+        };
+        Ok((here, made))
     }
 }
 

@@ -1,9 +1,9 @@
 //! Gradients of a motion: the derivative of the discrete solution, forwards along directions and backwards, of ALI3-P, of
-//! generalised-alpha, of the explicit Runge-Kutta method of order eight and of Radau IIA of order five.
+//! generalised-alpha, of the explicit Runge-Kutta method of order eight, of Radau IIA of order five and of backward differences.
 //!
 //! Steps, iteration counts and multiplier updates are those of the motion itself: every step is the solution of three implicit
-//! systems (`transient::ali3p`, `alpha`), each differentiated by the implicit function theorem with the matrices of the step, or a
-//! row of explicit stages (`runge_kutta`), or stages that are solved for together (`radau`).
+//! systems (`integrate::ali3p`, `alpha`), each differentiated by the implicit function theorem with the matrices of the step, or a
+//! row of explicit stages (`runge_kutta`), or stages that are solved for together (`stages`).
 //!
 //! | file | |
 //! |---|---|
@@ -13,7 +13,9 @@
 //! | `kinks` | where a motion has no derivative |
 //! | `alpha` | a step of generalised-alpha as equations |
 //! | `runge_kutta` | a step of the explicit method as equations |
-//! | `radau` | the same of Radau's method: one linear system for all stages |
+//! | `stages` | stages that are solved for: their equations, one linear system for all of a step |
+//! | `closing` | what a step does at its end |
+//! | `bdf` | the history of "bdf": what makes the base of its stage, and moves on |
 //! | `direct/` | all directions along with the motion |
 //! | `adjoint/` | the steps backwards, with checkpoints |
 //! | `power/` | the virtual power of a step and its derivative by everything |
@@ -23,19 +25,22 @@ pub mod local_direction;
 
 pub mod adjoint;
 mod alpha;
+pub mod bdf;
+mod closing;
 pub mod direct;
 pub mod kinks;
 pub mod march;
 mod power;
 pub mod quantity;
-mod radau;
 mod reactions;
 pub mod runge_kutta;
+pub mod stages;
 pub mod start;
 
 use crate::error::{Error, Result};
 use crate::run::Counts;
 
+use crate::integrate::bdf::record::Kind;
 use crate::integrate::{Equations, Instant, Motion};
 use march::Rule;
 
@@ -50,6 +55,8 @@ pub struct Plan {
     pub follow: Follow,
     /// times of steps after which the scheme starts anew, because a load or a drive is not smooth there
     pub breaks: Vec<f64>,
+    /// how each step of "bdf" comes about
+    pub kinds: Vec<Kind>,
     /// the way back keeps a motion of at most so many numbers whole; of a longer one checkpoints, as many as the root of its steps
     pub keep: usize,
     /// instants at which quantities are wanted, going forwards, zeros elsewhere; empty: at all

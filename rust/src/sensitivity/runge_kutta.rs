@@ -5,16 +5,15 @@
 //! Y_i = J_l^-1(y_i) v_i,    M a_i + h_i + J^T lam_i = 0,   J a_i + gamma_i = 0,   g_i = g(q_i, v_i, z_i)
 //! ```
 //! and the same sums with weights b for y, v*, z of the end, which is then moved to the constraints by the smallest change in
-//! kinetic energy. The derivative of that change is the linear projector at the end: what it leaves out is multiplied by the drift
-//! of one step, and so smaller than the error of the step.
+//! kinetic energy (`closing`).
+use nalgebra::DMatrix;
 use num_dual::Dual64;
 
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::integrate::dop853_numbers::{A, B, C, Row};
 use crate::integrate::explicit8::{Coordinates, Explicit8, RecordedStage};
+use crate::integrate::radau::FIVE;
 use crate::integrate::{Equations, Instant, Motion, Scheme};
-use crate::linalg::kkt::Kkt;
-use crate::linalg::rows::Level as Asked;
 use crate::multibody::rotations::{Maps, increment_slope, rotation_triples};
 use crate::run::Counts;
 use crate::spatial::V3;
@@ -23,23 +22,25 @@ use crate::spatial::V3;
 pub struct Stages {
     pub h: f64,
     pub all: Vec<RecordedStage>,
-    /// increments of the end, before it is moved to the constraints
+    /// where the stages lead, with its increments; and the end, which is moved to the constraints
+    pub open: Motion<f64>,
     pub increment: Vec<f64>,
-    /// the end, with the memories before laws march theirs
+    /// with the memories before laws march theirs
     pub end: Motion<f64>,
 }
 
 impl Stages {
     /// Of a method whose end is its last stage.
-    pub fn implicit(h: f64, all: Vec<RecordedStage>, end: &Instant) -> Self {
-        let increment = all.last().map(|s| s.increment.clone()).unwrap_or_default();
-        Stages { h, all, increment, end: end.motion.clone() }
+    pub fn implicit(h: f64, all: Vec<RecordedStage>, end: &Instant) -> Result<Self> {
+        let last = all.last().ok_or_else(|| Error::model("a step without stages was recorded"))?;
+        let (open, increment) = (last.at.motion.clone(), last.increment.clone());
+        Ok(Stages { h, open, increment, end: end.motion.clone(), all })
     }
+}
 
-    /// Rates of the last stage.
-    pub fn rate(&self) -> &[f64] {
-        self.all.last().map_or(&[], |s| &s.at.motion.rate)
-    }
+/// h A of Radau's method.
+pub fn weights(h: f64) -> DMatrix<f64> {
+    DMatrix::from_fn(FIVE.stages(), FIVE.stages(), |i, j| h * FIVE.a[i][j])
 }
 
 /// How the sums of stage i weigh the stages before it.
@@ -80,15 +81,10 @@ pub fn step(eq: &Equations<'_, f64>, from: &Instant, h: f64, counts: &mut Counts
         rate.iter_mut().zip(&own.at.acceleration).for_each(|(v, a)| *v += h * weight * a);
     }
     eq.same_branch(&rate, &end, h)?;
-    let stages = Stages { h, all, increment, end: end.motion.clone() };
+    let open = Motion { rate, ..from.motion.moved(eq.topology(), &increment) };
+    let open = Motion { t: end.motion.t, memory: end.motion.memory.clone(), ..open };
+    let stages = Stages { h, all, open, increment, end: end.motion.clone() };
     Ok((end, stages))
-}
-
-/// [M J^T; J 0] with the rows of positions.
-pub fn closing(eq: &Equations<'_, f64>, m: &Motion<f64>) -> Result<Kkt> {
-    let jacobian = eq.rows(m).1;
-    let kept = eq.rows.select_dense(&jacobian, Asked::Position);
-    Kkt::with_columns(&eq.mass(m), &jacobian.transpose(), &jacobian, kept)
 }
 
 /// Derivatives of Y = J_l^-1(y) v by y and by v, for every three rotations that act together; elsewhere Y is v.
@@ -112,4 +108,10 @@ pub fn slope_maps(eq: &Equations<'_, f64>, y: &[f64], v: &[f64]) -> [Maps; 2] {
         }
     }
     out
+}
+
+/// J_l^-1 of every three rotations that act together.
+pub fn inverse_maps(eq: &Equations<'_, f64>, y: &[f64]) -> Maps {
+    let [_, by_v] = slope_maps(eq, y, &vec![0.0; y.len()]);
+    by_v
 }

@@ -13,6 +13,9 @@ use crate::error::Result;
 use crate::linalg::sparse::{Csc, Factor};
 use crate::tolerances::roots::{CURVATURE, DETERMINANT, DIFFERENCE, QUASI_NEWTON};
 
+/// Parts of the norm that iterations leave beyond this foresee nothing.
+const FORESEEABLE: f64 = 0.5;
+
 /// How H is formed anew, at the start and after a stall.
 pub enum Start {
     /// The unit matrix; a stall forms it from differences unless the memory is limited.
@@ -35,6 +38,9 @@ pub struct Options {
     pub memory: Option<usize>,
     /// Relative increment of the differences.
     pub difference: f64,
+    /// The largest part of the norm that iterations behind the first one left lately: where the norm, falling like that or as it just did,
+    /// ends within the tolerance, the last step passes without an evaluation. None: each is evaluated.
+    pub left: Option<f64>,
     /// Iterations within which the norm has to halve.
     pub patience: usize,
     pub restarts: usize,
@@ -54,6 +60,7 @@ impl Default for Options {
             start: Start::Differences,
             memory: None,
             difference: DIFFERENCE,
+            left: None,
             patience: 20,
             restarts: 1,
             fallback: true,
@@ -80,6 +87,10 @@ pub struct Outcome {
     pub status: Status,
     pub x: Vec<f64>,
     pub f: Vec<f64>,
+    /// |f|, or what was foreseen of it
+    pub reached: f64,
+    /// Whether the last step was not evaluated: f is that before it.
+    pub foreseen: bool,
     pub norms: Vec<f64>,
     pub iterations: usize,
     pub backtracks: usize,
@@ -155,6 +166,8 @@ impl<'a> Run<'a> {
             status: Status::Converged,
             x: Vec::new(),
             f: Vec::new(),
+            reached: norm,
+            foreseen: false,
             norms: vec![norm],
             iterations: 0,
             backtracks: 0,
@@ -202,6 +215,12 @@ impl<'a> Run<'a> {
         if !d.iter().all(|v| v.is_finite()) {
             return Ok(Some(Status::Broken));
         }
+        if let Some(rest) = self.foreseen() {
+            self.x.iter_mut().zip(&d).for_each(|(x, d)| *x += d);
+            self.norm = rest;
+            self.out.foreseen = true;
+            return Ok(None);
+        }
         let (mut trial, mut reached) = (vec![0.0; n], vec![0.0; n]);
         let rule = &self.options.rule;
         let own = if rule.invariant { f64::min(1.0, self.norm / line_search::dot(&d, &d)) } else { 1.0 };
@@ -220,6 +239,14 @@ impl<'a> Run<'a> {
             self.out.skipped += 1;
         }
         self.accept(trial, reached, taken.norm)
+    }
+
+    /// The norm behind the next step, if it falls no less than it did lately and just did, where that is within the tolerance.
+    fn foreseen(&self) -> Option<f64> {
+        let (Some(left), [.., before, now]) = (self.options.left, self.out.norms.as_slice()) else { return None };
+        let left = left.max(now / before);
+        let rest = left / (1.0 - left) * now;
+        (left < FORESEEABLE && rest <= self.options.tolerance).then_some(rest)
     }
 
     fn accept(&mut self, x: Vec<f64>, f: Vec<f64>, norm: f64) -> Result<Option<Status>> {
@@ -309,6 +336,7 @@ impl<'a> Run<'a> {
         let failed = !matches!(status, Status::Converged | Status::Stopped);
         (self.out.x, self.out.f) = if failed { (self.best.0, self.best.1) } else { (self.x, self.f) };
         self.out.status = status;
+        self.out.reached = if failed { norm2(&self.out.f) } else { self.norm };
         self.out
     }
 }

@@ -6,6 +6,26 @@ pub const ACCEPTED: f64 = 1e-11;
 /// Even where unrefined solutions are worse than this.
 pub const WORST_ACCEPTED: f64 = 1e-9;
 
+/// Up to so many frequencies are solved directly and refined, which keeps every digit of every entry. Larger: time is lost. Smaller: single
+/// values have the digits that modes keep.
+/// Pinned by `few_frequencies_are_solved_directly`.
+pub const FEW: usize = 8;
+
+/// Inputs and outputs whose entries are compared one by one; of more, so many, evenly. Larger: the check takes as long as what it checks.
+/// Smaller: the entries of many ports are judged by the largest of them.
+/// Pinned by `of_many_ports_some_are_compared`.
+pub const MOST_PORTS: usize = 12;
+
+/// An entry counts as zero below this part of the geometric mean of what its output and its input move under themselves, and its error with
+/// it. Larger: entries of weak couplings may lose their digits. Smaller: couplings of rounding make transfer functions slow.
+/// Pinned by `entries_are_compared_over_their_own_size`.
+pub const ZERO_ENTRY: f64 = 1e-13;
+
+/// Relative distance of frequencies to both sides that tell the size of an entry where it passes through zero. Larger: another resonance
+/// may be there. Smaller: an antiresonance right at a frequency makes transfer functions slow.
+/// Pinned by `entries_are_compared_over_their_own_size`.
+pub const BESIDE: f64 = 1e-3;
+
 /// Slowest motion at which a route is checked, over the fastest. Larger: slow motions are not checked. Smaller: rigid motions, whose
 /// roots are rounding, are.
 pub const SLOWEST_CHECK: f64 = 1e-6;

@@ -59,10 +59,6 @@ pub const SLIDER_TURNS: f64 = 1e-13;
 /// are central, of a smooth map alone. Larger: truncation. Smaller: rounding. Only what is read between steps depends on it.
 pub const INTERPOLATED: f64 = 1e-5;
 
-/// Local error of the motion that starts fixed steps of a multistep method, as a relative tolerance. Larger: the start spoils the measured
-/// order. Smaller: long starts.
-pub const START: f64 = 1e-11;
-
 /// Error of a start step of bdf-bfgs, characteristic lengths or radians: for fixed steps; and the least under a tolerance. Larger: the start
 /// shows in the error. Smaller: rounding divides start steps without end.
 pub const START_ERROR: f64 = 1e-10;
@@ -78,12 +74,13 @@ pub const SHORTEST_START: f64 = 1e-7;
 /// adds up to the tolerance. Smaller: evaluations for nothing.
 pub const SHARE_OF_MOTION: f64 = 1e-5;
 /// Limits of that norm, over the root of the number of equations: rounding of constraint rows, of increments, and the loosest. Larger:
-/// steps are not solved. Smaller: rounding is solved.
+/// steps are not solved, and orders and lengths of steps follow what is left. Smaller: rounding is solved, or an evaluation a step more than
+/// the tolerance needs.
 pub const ROW_ROUNDING: f64 = 1e-15;
 /// See `ROW_ROUNDING`.
 pub const INCREMENT_ROUNDING: f64 = 1e-17;
 /// See `ROW_ROUNDING`.
-pub const LOOSEST: f64 = 1e-14;
+pub const LOOSEST: f64 = 1e-12;
 /// The norm that passes where a fresh inverse cannot better it. Larger: unsolved steps pass. Smaller: motions near to singular poses stop.
 pub const FRESH_INVERSE: f64 = 1e-11;
 

@@ -1,4 +1,6 @@
 //! Coefficients of the numerical differentiation formulas, and backward differences on a grid that changes.
+use nalgebra::DMatrix;
+
 use super::super::LocalError;
 
 /// Sum of 1/j up to k: the weight of the difference of order k in the slope.
@@ -73,32 +75,31 @@ pub fn backward_differences(points: Vec<Pair>) -> Vec<Pair> {
     differences
 }
 
-/// Differences on a grid with steps longer by `factor` (Shampine and Reichelt, R U).
-pub fn stretched(d: &mut [Pair], order: usize, factor: f64) {
+/// (R U)^T, by which differences up to an order count on a grid with steps longer by `factor` (Shampine and Reichelt).
+pub fn stretching(order: usize, factor: f64) -> DMatrix<f64> {
     let map = |factor: f64| {
-        let mut m = vec![vec![0.0; order + 1]; order + 1];
-        m[0].fill(1.0);
+        let mut m = DMatrix::zeros(order + 1, order + 1);
+        m.row_mut(0).fill(1.0);
         for i in 1..=order {
-            m[i] = (0..=order)
-                .map(|j| match j {
-                    0 => 0.0,
-                    _ => m[i - 1][j] * (i as f64 - 1.0 - factor * j as f64) / i as f64,
-                })
-                .collect();
+            for j in 1..=order {
+                m[(i, j)] = m[(i - 1, j)] * (i as f64 - 1.0 - factor * j as f64) / i as f64;
+            }
         }
         m
     };
     let (r, u) = (map(factor), map(1.0));
+    DMatrix::from_fn(order + 1, order + 1, |i, j| (0..=order).map(|k| r[(j, k)] * u[(k, i)]).sum())
+}
+
+/// Differences on a grid with steps longer by `factor`.
+pub fn stretched(d: &mut [Pair], order: usize, factor: f64) {
+    let weights = stretching(order, factor);
     let (n, states) = (d[0].y.len(), d[0].z.len());
     let old: Vec<Pair> = d[..=order].to_vec();
     for (i, target) in d.iter_mut().enumerate().take(order + 1) {
         *target = Pair::zero(n, states);
-        for (j, source) in old.iter().enumerate() {
-            // (R U)^T
-            let weight: f64 = (0..=order).map(|k| r[j][k] * u[k][i]).sum();
-            if weight != 0.0 {
-                target.add(source, weight);
-            }
+        for (j, source) in old.iter().enumerate().filter(|(j, _)| weights[(i, *j)] != 0.0) {
+            target.add(source, weights[(i, j)]);
         }
     }
 }

@@ -108,12 +108,14 @@ impl Corrector for Inverse {
         };
         let x = self.solver.solve(&mut step, n)?;
         let at = step.meaning(&x);
+        let lam = step.all_rows(&at.lam);
         self.lam = Some((ahead.t, at.lam));
         // what the equations leave unsolved says nothing about the length of the step
         let unsolved = UNSOLVED * self.solver.reached;
         Ok(Trial {
             motion: at.motion,
             y: at.theta,
+            lam,
             unsolved: Some(LocalError {
                 position: sizes.sigma.iter().map(|s| unsolved * s).collect(),
                 rate: sizes.sigma.iter().map(|s| unsolved * s / ahead.c).collect(),

@@ -7,7 +7,7 @@ use crate::solve::Residual;
 use crate::solve::differences;
 use crate::solve::inverse::{Family, Guard, Inverse};
 use crate::solve::inverse_bfgs::{Options, Outcome, Start, Status, solve};
-use crate::solve::line_search::{Rule, norm2};
+use crate::solve::line_search::Rule;
 
 use super::equations::BdfStep;
 use crate::tolerances::roots::DIFFERENCE;
@@ -23,6 +23,8 @@ const MAX_ITERATIONS: usize = 40;
 const PATIENCE: usize = 4;
 /// Failures of inverse BFGS after which Broyden's update stays.
 const STRIKES: u32 = 2;
+/// How much of the slowest iteration a step remembers of the step before.
+const FADING: f64 = 0.8;
 
 pub struct StepSolver {
     family: Family,
@@ -34,6 +36,8 @@ pub struct StepSolver {
     kept: Option<Kept>,
     /// norm that a fresh inverse could not get below: rounding
     floor: f64,
+    /// the largest part of the norm that an iteration behind the first one left, fading from step to step
+    left: Option<f64>,
     /// norm of the equations of the last step that was solved
     pub reached: f64,
 }
@@ -55,6 +59,7 @@ impl StepSolver {
             strikes: 0,
             kept: None,
             floor: 0.0,
+            left: None,
             reached: 0.0,
         }
     }
@@ -110,7 +115,7 @@ impl StepSolver {
                 step.counts.add("fallback steps", 1);
             }
             let out = self.attempt(step, &x, family, solved)?;
-            last = norm2(&out.f);
+            last = out.reached;
             // short of the goal only what a fresh inverse could not better either
             let near = f64::max(NEAR * solved, 2.0 * self.floor);
             if last <= near || attempt == 2 && last <= FRESH_INVERSE * goal {
@@ -166,14 +171,19 @@ impl StepSolver {
             rule: Rule { max_backtracks: 12, ..Rule::default() },
             guard: Guard { curvature: CURVATURE, ..Options::default().guard },
             start: Start::Identity,
+            left: self.left,
             patience: PATIENCE,
             restarts: 0,
             fallback: false,
             ..Options::default()
         };
         let out = solve(step, x, &options, &mut inverse)?;
+        // the first iteration corrects what was foreseen, along what all steps have in common: it falls by more than the next ones
+        let left = out.norms.windows(2).skip(1).map(|n| n[1] / n[0]).reduce(f64::max);
+        self.left = left.map(|now| now.max(FADING * self.left.unwrap_or(0.0))).or(self.left);
         let counts = &mut *step.counts;
-        counts.add("iterations", out.iterations as u64);
+        counts.add("iterations", out.iterations as u64 + u64::from(out.foreseen));
+        counts.add("steps not evaluated", u64::from(out.foreseen));
         counts.add("backtracks", out.backtracks as u64);
         counts.add("updates left out", out.skipped as u64);
         if out.status != Status::Broken

@@ -9,35 +9,35 @@
 //! J_l(theta) dtheta = J_l J_l^-1 c dv = w, whatever the chart: the matrix is [M + c D + c^2 K, J^T; J, 0] without J_l, and theta is
 //! solved for v), or `inverse` without any tangent. Positions are projected at the end of a step, and the correction enters the
 //! differences (as in the projection of C. Lubich's and E. Eich's codes), so that histories stay consistent.
-//! The history begins with a point and its rates at order one, or with four equal steps: fixed ones, and those without a tangent,
-//! whose equations lose what steps as short as order one needs them would divide by.
-mod differences;
+//! The history begins with a point and its rates at order one, or with four equal steps: fixed ones, by Radau's method, and those
+//! without a tangent, whose equations lose what steps as short as order one needs them would divide by.
+pub mod differences;
 pub mod equations;
 mod inverse;
 mod inverse_updates;
 mod newton;
+pub mod record;
 mod start;
 
-use std::collections::VecDeque;
-
 use crate::error::{Error, Result};
-use crate::run::{Cancel, Counts};
+use crate::run::Counts;
 use crate::solve::inverse::Family;
 use crate::tolerances::motion::SAFETY;
 
-use super::driver::{Plan, Progress, Steps, drive};
 use super::interpolate::quintic;
+use super::radau::Radau;
 use super::{Equations, Instant, LocalError, Motion, Scheme, Step};
 use crate::multibody::rotations::rotation_triples;
-use crate::tolerances::steps::{SAME_LENGTH, SAME_STEP, START};
+use crate::tolerances::steps::{SAME_LENGTH, SAME_STEP};
 use differences::{Formula, Pair, backward_differences, gamma, stretched};
 use equations::Form;
 use inverse::Inverse;
 use newton::Newton;
+use record::{Kind, Origin, Recharted, Recorded};
 use start::Start;
 
-const MOST: usize = 5;
-const FIXED: usize = 4;
+pub const MOST: usize = 5;
+pub const FIXED: usize = 4;
 /// Rotations of a chart beyond this (radians) call for a new one.
 const WIDE: f64 = 1.0;
 /// A step shorter than this part of the last one leaves its points behind, where the corrector holds shares of the tolerance.
@@ -45,11 +45,12 @@ const WIDEST: f64 = 1.6;
 /// Growth of first steps.
 const REGROWTH: f64 = 5.0;
 /// Fixed steps longer by this factor than the last one, which was divided, foresee nothing from it but its rates.
-const LONGER: f64 = 2.0;
+pub const LONGER: f64 = 2.0;
 /// The least order that holds shares of the tolerance: below it the error of a unit of time hardly falls with the step.
 const LEAST_OF_SHARES: usize = 3;
 
 /// Where the differences count from, and the differences on a grid of steps h that ends at t.
+#[derive(Clone)]
 struct History {
     t: f64,
     h: f64,
@@ -111,6 +112,8 @@ struct Trial {
     motion: Motion<f64>,
     /// increments from the chart
     y: Vec<f64>,
+    /// multipliers of all rows
+    lam: Vec<f64>,
     /// what differences may show of the remainder of the equations
     unsolved: Option<LocalError>,
 }
@@ -119,8 +122,8 @@ struct Trial {
 enum Begin {
     /// at order one
     Rates,
-    /// equal steps from a run with steps of its own, which are these
-    Run(VecDeque<Instant>),
+    /// equal steps of Radau's method
+    Radau(Box<Radau>),
     /// equal steps of order eight
     Steps(Start),
 }
@@ -143,12 +146,18 @@ pub struct Bdf {
     tried: Option<Pair>,
     /// what differences may show of the remainder of the equations of the last step
     unsolved: Option<LocalError>,
+    /// how the next step comes about, where that was chosen before
+    script: Option<Kind>,
+    /// of the last step, where it is asked for
+    record: Option<Recorded>,
+    /// the last step began a history at order one
+    begun: bool,
 }
 
 impl Bdf {
     /// With Newton's method; without a tolerance, fixed steps.
     pub fn newton(rtol: Option<f64>) -> Self {
-        let begin = if rtol.is_some() { Begin::Rates } else { Begin::Run(VecDeque::new()) };
+        let begin = if rtol.is_some() { Begin::Rates } else { Begin::Radau(Box::new(Radau::new(None))) };
         Bdf::with(Box::new(Newton::new(rtol)), Formula::NDF, begin, rtol.is_none())
     }
 
@@ -173,6 +182,9 @@ impl Bdf {
             usual: 0.0,
             tried: None,
             unsolved: None,
+            script: None,
+            record: None,
+            begun: false,
         }
     }
 
@@ -185,33 +197,11 @@ impl Bdf {
         let z = scaled(&eq.state_rates(&from.motion));
         d[1] = Pair { y: scaled(&from.motion.rate), v: scaled(&from.acceleration), z };
         self.order = 1;
+        self.begun = true;
         self.history = Some(History { t: from.motion.t, h, chart: from.motion.clone(), d, equal: 0, made: h });
     }
 
-    /// The first points of fixed steps, from a run with steps of its own.
-    fn prepared(eq: &Equations<'_, f64>, from: &Instant, h: f64, counts: &mut Counts) -> Result<VecDeque<Instant>> {
-        let times: Vec<f64> = (1..=FIXED).map(|k| from.motion.t + k as f64 * h).collect();
-        let plan = Plan {
-            end: times[FIXED - 1],
-            steps: Steps::Controlled { rtol: START, first: None, longest: h },
-            outputs: Some(times),
-            breaks: Vec::new(),
-            max_steps: 100_000,
-            share: 1.0,
-        };
-        let mut scheme = Bdf::newton(Some(START));
-        let run = drive(eq, &mut scheme, from.clone(), &plan, &Cancel::default(), &Progress::default(), counts)?;
-        if run.outputs.len() < FIXED {
-            return Err(Error::Convergence {
-                message: "the first steps could not be made".into(),
-                best: Vec::new(),
-                residual: f64::NAN,
-            });
-        }
-        Ok(run.outputs.into_iter().map(|o| o.instant).collect())
-    }
-
-    /// The next of the equal first steps; none where they are through, or their end came before.
+    /// The next of the equal first steps; none where they are through.
     fn first_step(
         &mut self,
         eq: &Equations<'_, f64>,
@@ -221,18 +211,11 @@ impl Bdf {
     ) -> Result<Option<Step>> {
         if !self.continues(from, h) {
             self.points = vec![from.clone()];
-            if let Begin::Run(ahead) = &mut self.begin {
-                *ahead = Bdf::prepared(eq, from, h, counts)?;
-            }
         }
         let first = self.first_steps();
         let made = match &mut self.begin {
             Begin::Steps(start) if self.points.len() <= first => Some(start.step(eq, from, h, counts)?),
-            Begin::Run(ahead) => {
-                let within = |p: &Instant| p.motion.t <= from.motion.t + h * (1.0 + SAME_LENGTH);
-                let end = ahead.pop_front().filter(within);
-                end.map(|end| Step { end, error: None })
-            }
+            Begin::Radau(start) if self.points.len() <= first => Some(start.step(eq, from, h, false, counts)?),
             _ => None,
         };
         Ok(made)
@@ -281,7 +264,11 @@ impl Bdf {
             v: p.motion.rate.clone(),
             z: eq.states(&p.motion),
         };
-        let mut d = backward_differences(points.iter().rev().map(pair).collect());
+        let pairs: Vec<Pair> = points.iter().rev().map(pair).collect();
+        if let Some(record) = &mut self.record {
+            record.origin = Origin::Points(pairs.iter().map(|p| p.y.clone()).collect());
+        }
+        let mut d = backward_differences(pairs);
         d.resize(MOST + 3, Pair::zero(eq.n(), eq.states(&last.motion).len()));
         self.order = FIXED;
         self.history = Some(History { t: last.motion.t, h, chart: last.motion.clone(), d, equal: 0, made: h });
@@ -293,8 +280,11 @@ impl Bdf {
         let Some(history) = self.history.as_mut().filter(|h| eq.widest_rotation(&h.d[0].y) > 0.0) else {
             return false;
         };
-        recharted(eq, history, order);
+        let turned = recharted(eq, history, order);
         history.equal = 0;
+        if let Some(record) = &mut self.record {
+            record.before = Some(turned);
+        }
         true
     }
 
@@ -321,7 +311,13 @@ impl Bdf {
         let (h, c) = (history.h, history.h / self.formula.alpha(self.order));
         let (chart, last) = (&history.chart, &history.d[0].y);
         let ahead = Ahead { chart, from, last, guess, psi, h, c, t: from.motion.t + h };
-        Ok((self.corrector.solve(eq, &ahead, counts)?, ahead.guess))
+        let trial = self.corrector.solve(eq, &ahead, counts)?;
+        if let Some(record) = &mut self.record {
+            let slopes = ahead.psi.v.iter().zip(&ahead.guess.v).zip(&trial.motion.rate);
+            let acceleration = slopes.map(|((p, g), v)| (p + v - g) / c).collect();
+            record.solved(self.order, c, &trial, acceleration);
+        }
+        Ok((trial, ahead.guess))
     }
 }
 
@@ -351,7 +347,11 @@ impl Scheme for Bdf {
         estimate: bool,
         counts: &mut Counts,
     ) -> Result<Step> {
-        if self.history.as_ref().is_none_or(|k| k.t != from.motion.t || self.too_coarse(k, h)) {
+        if let Some(kind) = self.script {
+            if let Some(step) = self.follow(eq, from, h, kind, counts)? {
+                return Ok(step);
+            }
+        } else if self.history.as_ref().is_none_or(|k| k.t != from.motion.t || self.too_coarse(k, h)) {
             self.history = None;
             if let Begin::Rates = self.begin {
                 self.stiff = eq.is_stiff(from, self.time, counts)?;
@@ -360,11 +360,8 @@ impl Scheme for Bdf {
                 self.begin(eq, from, h);
             } else if let Some(step) = self.first_step(eq, from, h, counts)? {
                 return Ok(step);
-            } else if self.points.len() > self.first_steps() {
-                self.collect(eq, h);
             } else {
-                // the end came before the start was through
-                self.begin(eq, from, h);
+                self.collect(eq, h);
             }
         }
         let Some(history) = self.history.as_mut() else {
@@ -377,6 +374,9 @@ impl Scheme for Bdf {
         let k = self.order;
         if (history.h / h - 1.0).abs() > SAME_STEP {
             stretched(&mut history.d, k, h / history.h);
+            if let Some(record) = &mut self.record {
+                record.stretch = h / history.h;
+            }
             history.h = h;
             history.equal = 0;
         }
@@ -403,12 +403,16 @@ impl Scheme for Bdf {
         Ok(Step { end, error })
     }
 
-    fn accept(&mut self, eq: &Equations<'_, f64>, _from: &Instant, step: &Step, _h: f64) {
+    fn accept(&mut self, eq: &Equations<'_, f64>, from: &Instant, step: &Step, h: f64) {
         let k = self.order;
         let (Some(history), Some(d)) = (self.history.as_mut(), self.tried.take()) else {
+            if let Begin::Radau(start) = &mut self.begin {
+                start.accept(eq, from, step, h);
+            }
             self.points.push(step.end.clone());
             return;
         };
+        self.begun = false;
         let mut above = d.clone();
         above.add(&history.d[k + 1], -1.0);
         history.d[k + 2] = above;
@@ -425,7 +429,18 @@ impl Scheme for Bdf {
         self.usual = history.h;
         history.t = step.end.motion.t;
         if eq.widest_rotation(&history.d[0].y) > self.corrector.widest_chart() {
-            recharted(eq, history, k + 2);
+            let turned = recharted(eq, history, k + 2);
+            if let Some(record) = &mut self.record {
+                record.after = Some(turned);
+            }
+        }
+    }
+
+    fn formula(&self) -> i32 {
+        match (&self.history, self.begun) {
+            (None, _) => record::START,
+            (Some(_), true) => record::RATES,
+            (Some(_), false) => self.order as i32,
         }
     }
 
@@ -514,6 +529,9 @@ impl Scheme for Bdf {
         self.history = None;
         self.corrector.reset();
         self.points.clear();
+        if let Begin::Radau(start) = &mut self.begin {
+            start.reset();
+        }
     }
 
     fn remark(&self) -> Option<String> {
@@ -550,7 +568,7 @@ impl History {
 }
 
 /// Past points counted from the pose of the last one.
-fn recharted(eq: &Equations<'_, f64>, history: &mut History, order: usize) {
+fn recharted(eq: &Equations<'_, f64>, history: &mut History, order: usize) -> Recharted {
     let order = order.min(MOST + 1);
     let points = history.points(order);
     let motions: Vec<Motion<f64>> = points.iter().map(|p| history.chart.moved(eq.topology(), &p.y)).collect();
@@ -564,10 +582,13 @@ fn recharted(eq: &Equations<'_, f64>, history: &mut History, order: usize) {
         Pair { y, v: p.v.clone(), z: p.z.clone() }
     };
     let from_here: Vec<Pair> = points.iter().zip(&motions).map(from_here).collect();
+    let of = |all: &[Pair]| all.iter().map(|p| p.y.clone()).collect();
+    let turned = Recharted { before: of(&points), after: of(&from_here) };
     for (d, new) in history.d.iter_mut().zip(backward_differences(from_here)) {
         *d = new;
     }
     let mut chart = history.chart.clone();
     chart.q.clone_from(&motions[0].q);
     history.chart = chart;
+    turned
 }

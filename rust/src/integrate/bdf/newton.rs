@@ -82,7 +82,7 @@ impl Corrector for Newton {
                 || last.is_finite() && rate < 1.0 && step * rate / (1.0 - rate) <= self.solved;
             if near || last.is_finite() && fresh && rate > 0.3 && step < CORRECTION_ROUNDING {
                 settle(eq, &known, c, &v, &mut y);
-                return Ok(Trial { motion: at(&y, &v), y, unsolved: None });
+                return Ok(Trial { motion: at(&y, &v), y, lam, unsolved: None });
             }
             if last.is_finite() && rate > 2.0 && fresh {
                 break;

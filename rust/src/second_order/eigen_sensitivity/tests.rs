@@ -7,7 +7,7 @@ use crate::second_order::modal::modes;
 #[test]
 fn one_degree_of_freedom_in_closed_form() {
     let one = |v: f64| Mat::from_fn(1, 1, |_, _| v);
-    let system = SecondOrder::new(one(2.0), Some(one(0.4)), None, one(8.0), None, None).unwrap();
+    let system = SecondOrder::new(one(2.0), Some(one(0.4)), None, one(8.0), None).unwrap();
     let r = modes(&system).unwrap();
     let known = Known {
         s: r.s.clone(),

@@ -23,6 +23,7 @@ use crate::linalg::dense::{C, cholesky};
 use crate::run::Counts;
 use crate::second_order::{SecondOrder, massless};
 
+use crate::tolerances::matrices::PIVOT;
 use crate::tolerances::modes::{GRADED, LIGHTEST, MASSLESS};
 use quality::Correction;
 pub use subspace::largest_component;
@@ -96,6 +97,7 @@ impl Modal {
 }
 
 /// A mode as the routes find it: coordinates scaled to unit mass, any normalisation.
+#[derive(Debug, Clone)]
 pub(crate) struct RawMode {
     pub s: C,
     pub partner: C,
@@ -127,6 +129,7 @@ pub(crate) struct Known {
     pub residual_counts: bool,
 }
 
+#[derive(Debug, Clone)]
 pub(crate) struct Raw {
     pub modes: Vec<RawMode>,
     pub route: &'static str,
@@ -137,7 +140,61 @@ pub(crate) struct Raw {
 
 /// All modes of a dense system. O(n^3).
 pub fn modes(system: &SecondOrder) -> Result<Modal> {
-    let (system, d) = system.scaled()?;
+    let solved = eigensolution(system)?;
+    let mut found = solved.judged()?;
+    found.counts.merge(&solved.counts);
+    Ok(found)
+}
+
+/// The two roots of each mode.
+pub type Pairs = Vec<(C, C)>;
+
+/// Roots and shapes as a route has found them: neither ordered, grouped and normalised nor judged.
+#[derive(Debug, Clone)]
+pub struct Eigensolution {
+    /// In units of its masses, by `scale`.
+    system: SecondOrder,
+    scale: Vec<f64>,
+    raw: Raw,
+    mass_pivot: f64,
+    pub counts: Counts,
+}
+
+impl Eigensolution {
+    /// Modes with their estimates of error. The counts are those of this step alone.
+    pub fn judged(&self) -> Result<Modal> {
+        let found = finish::finish(&self.system, &self.scale, self.raw.clone(), Counts::default())?;
+        Ok(Modal { mass_pivot: self.mass_pivot, ..found })
+    }
+
+    /// True where modes are real and uncoupled.
+    pub fn is_uncoupled(&self) -> bool {
+        matches!(self.raw.route, "undamped" | "proportional")
+    }
+
+    /// What rounding may hide in the squared frequency of each mode.
+    pub fn noise(&self) -> Vec<f64> {
+        let own = |mode: &RawMode| {
+            let (error, square) = (mode.known.map_or(f64::NAN, |known| known.error), (mode.s * mode.partner).norm());
+            if mode.rigid { error * error } else { (2.0 * error + 4.0 * f64::EPSILON) * square }
+        };
+        self.raw.modes.iter().map(own).collect()
+    }
+
+    /// Pairs of roots with shapes of unit mass (columns) where modes are uncoupled; None where the mass matrix has a pivot of rounding.
+    pub fn uncoupled(&self) -> Option<(Pairs, Mat<f64>)> {
+        let modes = &self.raw.modes;
+        if !self.is_uncoupled() || self.mass_pivot <= PIVOT {
+            return None;
+        }
+        let shape = Mat::from_fn(self.scale.len(), modes.len(), |i, j| modes[j].x[i].re * self.scale[i]);
+        Some((modes.iter().map(|mode| (mode.s, mode.partner)).collect(), shape))
+    }
+}
+
+/// The first part of `modes`, which sums over modes need alone.
+pub fn eigensolution(system: &SecondOrder) -> Result<Eigensolution> {
+    let (system, scale) = system.scaled()?;
     let mut system = system.without_rounding();
     let mut counts = Counts::default();
     counts.add("cholesky factorisations", 1);
@@ -150,7 +207,7 @@ pub fn modes(system: &SecondOrder) -> Result<Modal> {
     }
     let raw = solve(&system, &l, &mut counts)?;
     let mass_pivot = (0..l.nrows()).map(|i| l[(i, i)].powi(2) / system.m[(i, i)]).fold(1.0, f64::min);
-    Ok(Modal { mass_pivot, ..finish::finish(&system, &d, raw, counts)? })
+    Ok(Eigensolution { system, scale, raw, mass_pivot, counts })
 }
 
 /// L of M = L L^T from a factor of M, heavy rows first: Householder's reflections then keep what the light rows hold.

@@ -4,7 +4,7 @@ use super::{Kind, modes};
 use crate::second_order::SecondOrder;
 
 fn system(m: Mat<f64>, c: Option<Mat<f64>>, k: Mat<f64>) -> SecondOrder {
-    SecondOrder::new(m, c, None, k, None, None).unwrap()
+    SecondOrder::new(m, c, None, k, None).unwrap()
 }
 
 #[test]

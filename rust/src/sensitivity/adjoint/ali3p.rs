@@ -13,6 +13,7 @@ use crate::integrate::{Equations, Instant};
 
 use super::super::march::Here;
 use super::by_hand::ByHand;
+use super::closing::turned_back;
 use super::increments::{add_numbers, add_turning_back, before_move, by_increments};
 use super::recorder::{Adjoint, Recorder, add, column, remembered_back, transposed_times};
 
@@ -44,8 +45,8 @@ pub fn step_back(
     let (theta, m, a) = stars(eq, &from.motion, &from.acceleration, &record.straight, h);
     let rates = (&from.motion.rate[..], &m.rate[..]);
     let turned = |q: &[f64], onto: (&mut [f64], &mut [f64])| {
-        let by = eq.turned_columns(DMatrix::from_row_slice(1, q.len(), q), &theta);
-        add_turning_back(eq, h, rates, by.as_slice(), onto);
+        let by = turned_back(eq, &theta, q);
+        add_turning_back(eq, h, rates, &by, onto);
         by
     };
     let (mut ignored, mut rate) = (vec![0.0; eq.n()], star.rate.clone());
@@ -55,7 +56,7 @@ pub fn step_back(
     }
     let c = 0.25 * h * h;
     let multipliers: Vec<f64> = at.lam.iter().map(|l| l / c).collect();
-    let (u, w) = factors.step.solve_transposed(&column(increment.as_slice()), &column(&multipliers))?;
+    let (u, w) = factors.step.solve_transposed(&column(&increment), &column(&multipliers))?;
     let found = hand.balance(&m, &a, &record.lam, (u.as_slice(), w.as_slice()), c, 0.5 * h);
     add(&mut star.q, &found.q);
     add(&mut star.rate, &found.rate);

@@ -1,22 +1,22 @@
 //! A step of generalised-alpha backwards: the exact reverse of `Along::alpha`.
 //!
 //! ```text
-//! a, lam:   [M J^T; J 0]^T (u, w) = (a^, lam^)    then -u.r - w.(J a + gamma) by q1, v1
-//! v1:       [M J^T; J 0]^T (u, w) = (v1^, 0)      then -u.(M dv + J^T kappa) - w.(J v1 + Phi_t) by q1, and M u for v*
+//! a, lam, v1: `closing`
 //! s1:       [A J^T; R 0]^T (u, w) = (s1^/(h^2 b), 0)   then -u.balance - w.closure by q0, v0, a0, s0
 //! ```
 use nalgebra::DMatrix;
 
 use crate::error::Result;
 use crate::integrate::generalized_alpha::{Parameters, reached};
-use crate::integrate::{Equations, Instant, Motion};
-use crate::linalg::kkt::Kkt;
+use crate::integrate::{Equations, Motion};
 use crate::run::Counts;
 
-use super::super::alpha::{Load, Solved, accelerating};
+use super::super::alpha::{Load, Solved};
+use super::super::closing::accelerating;
 use super::super::march::Here;
+use super::closing::{accelerations_back, aligned_back, turned_back};
 use super::increments::{add_numbers, add_turning_back, before_move, by_increments};
-use super::recorder::{Adjoint, Recorder, add, column, remembered_back, transposed_times};
+use super::recorder::{Adjoint, Recorder, add, column, remembered_back};
 
 /// From the adjoints at the end of a step to those at its start.
 pub fn step_back(
@@ -42,8 +42,8 @@ pub fn step_back(
         before.acceleration[i] -= d / h;
     }
     let there = Motion { memory: from.instant.motion.memory.clone(), ..end.instant.motion.clone() };
-    accelerations_back(recorder, &there, &end.instant, &by.end, &mut at, &mut before)?;
-    let star = rates_back(recorder, &there, &by, &mut at)?;
+    accelerations_back(recorder, &there, &end.instant, &by.end.by, &mut at, &mut before)?;
+    let star = aligned_back(recorder, &there, &by.end, &mut at)?;
     let start = Load::of(carried);
     let of = (&from.instant.motion, &there);
     let found = (&at, &star[..], &load);
@@ -57,29 +57,6 @@ pub fn step_back(
     Ok(before)
 }
 
-/// Accelerations and multipliers of an instant by its poses, rates and what laws remembered.
-pub fn accelerations_back(
-    recorder: &mut Recorder<'_>,
-    there: &Motion<f64>,
-    end: &Instant,
-    by: &Kkt,
-    at: &mut Adjoint,
-    before: &mut Adjoint,
-) -> Result<()> {
-    let (u, w) = by.solve_transposed(&column(&at.acceleration), &column(&at.lam))?;
-    let (hand, (u, w)) = (&mut recorder.hand, (u.as_slice(), w.as_slice()));
-    let mut found = hand.balance(there, &end.acceleration, &end.lam, (u, &[]), 1.0, 0.0);
-    if !w.is_empty() {
-        let (q, rate) = hand.row_bias(there, &end.acceleration, w);
-        add(&mut found.q, &q);
-        add(&mut found.rate, &rate);
-    }
-    add_numbers(recorder.eq, there, &found.q, &mut at.q);
-    add(&mut at.rate, &found.rate);
-    add(&mut before.memory, &found.memory);
-    Ok(())
-}
-
 /// A scheme that starts anew: from the adjoints after that to those before it.
 pub fn anew_back(recorder: &mut Recorder<'_>, end: &Here, anew: &Here, mut at: Adjoint) -> Result<Adjoint> {
     at.first();
@@ -91,20 +68,6 @@ pub fn anew_back(recorder: &mut Recorder<'_>, end: &Here, anew: &Here, mut at: A
     before.rate = at.rate;
     add(&mut before.memory, &at.memory);
     Ok(before)
-}
-
-/// Rates of the end by its poses (added to `at`) and by v* (returned).
-fn rates_back(recorder: &mut Recorder<'_>, there: &Motion<f64>, by: &Solved, at: &mut Adjoint) -> Result<Vec<f64>> {
-    let rows = recorder.eq.n_rows();
-    if rows == 0 {
-        return Ok(at.rate.clone());
-    }
-    let (u, w) = by.end.solve_transposed(&column(&at.rate), &DMatrix::zeros(rows, 1))?;
-    let (hand, u1) = (&mut recorder.hand, u.as_slice());
-    let mut q = hand.mass(there, (&by.dv, &by.kappa), u1).q;
-    add(&mut q, &hand.row_rates(there, w.as_slice()));
-    add_numbers(recorder.eq, there, &q, &mut at.q);
-    Ok(transposed_times(&by.end.matrix(), &u.column(0).into_owned()))
 }
 
 /// Adjoints of what `reached` takes: increments and rates of the start, a0, s0, s1.
@@ -125,11 +88,11 @@ fn reached_back(
     star: &[f64],
     a1: &[f64],
 ) -> Taken {
-    let by_dq = eq.turned_columns(DMatrix::from_row_slice(1, q.len(), q), dq);
+    let by_dq = turned_back(eq, dq, q);
     let mut out = Taken { q: q.to_vec(), rate: vec![0.0; q.len()], a0: Vec::new(), s0: Vec::new(), s1: Vec::new() };
     before_move(eq, dq, &mut out.q);
     let mut star = star.to_vec();
-    add_turning_back(eq, h, rates, by_dq.as_slice(), (&mut out.rate, &mut star));
+    add_turning_back(eq, h, rates, &by_dq, (&mut out.rate, &mut star));
     for (i, v) in star.iter().enumerate() {
         let (d, unit) = (by_dq[i], 1.0 / (1.0 - p.am));
         let a = a1[i] + h * h * p.beta * d + h * p.gamma * v;

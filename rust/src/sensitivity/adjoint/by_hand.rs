@@ -74,12 +74,12 @@ impl<'a> ByHand<'a> {
         self.plain_found(m.t)
     }
 
-    /// -w.Phi of the position rows by numbers alone.
-    pub fn row_values(&mut self, m: &Motion<f64>, w: &[f64]) {
+    /// -w.Phi of the position rows by the configuration.
+    pub fn row_values(&mut self, m: &Motion<f64>, w: &[f64]) -> Vec<f64> {
         let rows = &self.eq.topology().rows;
         let one = |(i, w): (usize, &f64)| if rows[i].level == Level::Position { -w } else { 0.0 };
         let alpha: Vec<f64> = w.iter().enumerate().map(one).collect();
-        self.rows(m, &alpha, &[]);
+        self.rows(m, &alpha, &[])
     }
 
     /// -w.(J v + Phi_t) by the configuration.

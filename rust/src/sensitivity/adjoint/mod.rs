@@ -1,19 +1,21 @@
 //! The steps backwards: the exact reverse of what `direct` does forwards, whatever the number of parameters.
 //!
-//! Steps are reversed by hand (`ali3p`, `alpha`, `runge_kutta`, `radau`), what an objective reads on the tape. Instants are kept at
+//! Steps are reversed by hand (`ali3p`, `alpha`, `runge_kutta`, `stages`, `bdf`), what an objective reads on the tape. Instants are kept at
 //! checkpoints; a stretch between two is run again.
 //!
 //! | file | |
 //! |---|---|
-//! | `ali3p`, `alpha`, `runge_kutta`, `radau`, `by_hand`, `increments` | a step backwards |
+//! | `ali3p`, `alpha`, `runge_kutta`, `stages`, `bdf`, `closing`, `by_hand`, `increments` | a step backwards |
 //! | `recorder` | quantities, memories and the geometry backwards, on the tape |
 mod ali3p;
 mod alpha;
+mod bdf;
 mod by_hand;
+mod closing;
 mod increments;
-mod radau;
 mod recorder;
 mod runge_kutta;
+mod stages;
 
 use crate::error::{Error, Result};
 use crate::integrate::{Equations, Instant};
@@ -23,7 +25,7 @@ use self::recorder::{Adjoint, Recorder, opened_back, seed};
 use super::kinks::{Kink, Watch};
 use super::march::{Here, Made, March, Rule};
 use super::quantity::{Quantity, read};
-use super::radau::Probe;
+use super::stages::{Probe, Rows};
 use super::start::Starting;
 use super::{Direction, Plan};
 
@@ -37,7 +39,7 @@ fn first_back(
     at.first();
     let mut before = at.clone();
     let (m, by) = (&first.motion, starting.accelerating());
-    alpha::accelerations_back(recorder, m, first, by, &mut at, &mut before)?;
+    closing::accelerations_back(recorder, m, first, by, &mut at, &mut before)?;
     Ok(at)
 }
 
@@ -113,9 +115,11 @@ pub fn forward(
         if i > 0 {
             let (end, gone) = stepped(&mut march, i - 1, &here, cancel, counts)?;
             watch.pass(&here.instant, &end.instant);
+            let read_inside = inner.len() + plan.n_inner() * out.width;
             for at in gone.0.inner().into_iter().filter(|_| plan.inner) {
                 inner.extend(read(eq, at, wanted)?);
             }
+            inner.resize(read_inside, 0.0);
             if let Some(whole) = &mut out.whole {
                 whole.places.push(end.clone());
                 whole.steps.push(gone);
@@ -177,7 +181,8 @@ pub fn backward(
 ) -> Result<Vec<f64>> {
     let (n, w) = (plan.n_steps(), run.width);
     let mut recorder = Recorder::new(eq);
-    let probe = matches!(plan.rule, Rule::Radau).then(|| Probe::new(eq));
+    let radau = matches!(plan.rule, Rule::Radau | Rule::Bdf).then(|| Probe::new(eq, Rows::Accelerations));
+    let bdf = matches!(plan.rule, Rule::Bdf).then(|| Probe::new(eq, Rows::Rates));
     let first = &run.checkpoints[0];
     let mut at = Adjoint::none(first);
     let mut longest = 0;
@@ -222,8 +227,19 @@ pub fn backward(
                     runge_kutta::step_back(&mut recorder, (start, end), stages, at, &mut own)?
                 }
                 (Made::Radau(stages), _) => {
-                    let Some(probe) = &probe else { return Err(Error::model("a step of Radau's method has no probe")) };
-                    radau::step_back(&mut recorder, (start, end), (stages, probe), at, &mut own, counts)?
+                    let past = at.past.take();
+                    let Some(probe) = &radau else { return Err(unprepared()) };
+                    let mut before =
+                        stages::radau_back(&mut recorder, (start, end), (stages, probe), at, &mut own, counts)?;
+                    before.past = past.map(|mut past| {
+                        bdf::pointed_back(eq, &start.instant.motion, &mut past, &mut before);
+                        past
+                    });
+                    before
+                }
+                (Made::Bdf(stages, step), _) => {
+                    let Some(probe) = &bdf else { return Err(unprepared()) };
+                    bdf::step_back(&mut recorder, (start, end), (stages, step, probe), at, counts)?
                 }
                 _ => at,
             };
@@ -252,4 +268,8 @@ pub fn backward(
             Ok(d)
         })
         .collect()
+}
+
+fn unprepared() -> Error {
+    Error::model("a step was not prepared for its derivative")
 }

@@ -7,6 +7,7 @@ use crate::model::geometry::Geometry;
 use crate::run::Counts;
 
 use super::super::alpha::Load;
+use super::super::bdf::Past;
 use super::super::march::Here;
 use super::super::quantity::{Point, Quantity, evaluate};
 use super::by_hand::ByHand;
@@ -22,6 +23,8 @@ pub struct Adjoint {
     pub lam: Vec<f64>,
     /// of what generalised-alpha carries on
     pub load: Option<Load<f64>>,
+    /// of what "bdf" carries on
+    pub past: Option<Past>,
 }
 
 impl Adjoint {
@@ -35,6 +38,7 @@ impl Adjoint {
             memory: vec![0.0; at.motion.memory.len()],
             lam: vec![0.0; at.lam.len()],
             load: here.carried.as_ref().map(|_| Load { a: nothing(), rate_slope: nothing(), slope: nothing(), h: 0.0 }),
+            past: None,
         }
     }
 
@@ -113,7 +117,15 @@ impl<'a> Recorder<'a> {
         let own = self.n_x + self.n_geometry;
         add(&mut self.numbers, &d[..own]);
         let part = |i: usize| d[of.places[i]..of.places[i + 1]].to_vec();
-        Adjoint { q: part(0), rate: part(1), memory: part(2), acceleration: part(3), lam: part(4), load: None }
+        Adjoint {
+            q: part(0),
+            rate: part(1),
+            memory: part(2),
+            acceleration: part(3),
+            lam: part(4),
+            load: None,
+            past: None,
+        }
     }
 
     /// Adjoints of the numbers x, those of the geometry carried to them.

@@ -5,20 +5,17 @@
 //! stage i:  (y_i^, v_i^) by Y_i and a_i, then        Y_j^ += h a_ij y_i^, a_j^ += h a_ij v_i^   for all j before it
 //! ```
 //! with stages from the last to the first, which is the start of the step.
-use nalgebra::DMatrix;
-
 use crate::error::Result;
 use crate::integrate::dop853_numbers::Row;
 use crate::integrate::{Equations, Instant};
-use crate::linalg::kkt::Kkt;
 use crate::multibody::rotations::Maps;
 
-use super::super::alpha::accelerating;
+use super::super::closing::accelerating;
 use super::super::march::Here;
-use super::super::runge_kutta::{Stages, closing, end_row, slope_maps, stage_row};
-use super::alpha::accelerations_back;
+use super::super::runge_kutta::{Stages, end_row, slope_maps, stage_row};
+use super::closing::{accelerations_back, ended_back, turned_back};
 use super::increments::{add_numbers, before_move, by_increments};
-use super::recorder::{Adjoint, Recorder, add, column, remembered_back, state_rates_back, transposed_times};
+use super::recorder::{Adjoint, Recorder, add, state_rates_back};
 
 /// Adjoints of the start of a step: by increments, rates and memories.
 struct Start {
@@ -52,12 +49,11 @@ pub fn step_back(
 ) -> Result<Adjoint> {
     let eq = recorder.eq;
     let mut before = Adjoint::none(from);
-    let at = ended_back(recorder, by, end, at)?;
+    let (q, at) = ended_back(recorder, by, end, at, &[])?;
     let none = |n: usize| vec![0.0; n];
     let (n, n_z) = (eq.n(), at.memory.len());
     let mut slopes = vec![Slope { y: none(n), v: none(n), z: none(n_z) }; by.all.len()];
     let mut start = Start { q: none(n), rate: none(n), memory: none(n_z) };
-    let q = by_increments(eq, &by.end, &at.q);
     let sum = Sum { increment: &by.increment, row: end_row(), h: by.h };
     sum.back(eq, (q, none(n), &at), &mut slopes, &mut start);
     for (i, own) in by.all.iter().enumerate().rev() {
@@ -91,19 +87,6 @@ pub fn step_back(
     Ok(before)
 }
 
-/// The end of a step: what is read of it and of its accelerations by poses, rates and memories before it is moved to the constraints.
-pub fn ended_back(recorder: &mut Recorder<'_>, by: &Stages, end: &Here, mut at: Adjoint) -> Result<Adjoint> {
-    if at.memory.iter().any(|m| *m != 0.0) {
-        remembered_back(recorder, &by.end.memory, &end.instant.motion, &mut at);
-    }
-    let factor = accelerating(recorder.eq, &by.end)?.0;
-    let mut held = Adjoint::none(end);
-    accelerations_back(recorder, &by.end, &end.instant, &factor, &mut at, &mut held)?;
-    add(&mut at.memory, &held.memory);
-    projections_back(recorder, by, &factor, &mut at)?;
-    Ok(at)
-}
-
 impl Sum<'_> {
     /// Adjoints of a point, by increments there and along its own increment, to those of slopes and of the start.
     fn back(
@@ -113,8 +96,7 @@ impl Sum<'_> {
         slopes: &mut [Slope],
         start: &mut Start,
     ) {
-        let turned = eq.turned_columns(DMatrix::from_row_slice(1, q.len(), &q), self.increment);
-        add(&mut y, turned.as_slice());
+        add(&mut y, &turned_back(eq, self.increment, &q));
         before_move(eq, self.increment, &mut q);
         add(&mut start.q, &q);
         add(&mut start.rate, &at.rate);
@@ -128,27 +110,8 @@ impl Sum<'_> {
     }
 }
 
-/// Rates and increments of the end, from those on the constraints to those before.
-fn projections_back(recorder: &mut Recorder<'_>, by: &Stages, factor: &Kkt, at: &mut Adjoint) -> Result<()> {
-    let eq = recorder.eq;
-    if eq.n_rows() == 0 {
-        return Ok(());
-    }
-    let none = DMatrix::zeros(eq.n_rows(), 1);
-    let (u, w) = factor.solve_transposed(&column(&at.rate), &none)?;
-    at.rate = transposed_times(&factor.matrix(), &u.column(0).into_owned());
-    let q = recorder.hand.row_rates(&by.end, w.as_slice());
-    add_numbers(eq, &by.end, &q, &mut at.q);
-    let closing = closing(eq, &by.end)?;
-    let (u, w) = closing.solve_transposed(&column(&by_increments(eq, &by.end, &at.q)), &none)?;
-    recorder.hand.row_values(&by.end, w.as_slice());
-    at.q.fill(0.0);
-    add_numbers(eq, &by.end, &transposed_times(&closing.matrix(), &u.column(0).into_owned()), &mut at.q);
-    Ok(())
-}
-
 /// Y = J_l^-1(y) v backwards: adjoints of y come back, those of v are added.
-fn slope_back(eq: &Equations<'_, f64>, (y, v): (&[f64], &[f64]), by: &[f64], rate: &mut [f64]) -> Vec<f64> {
+pub fn slope_back(eq: &Equations<'_, f64>, (y, v): (&[f64], &[f64]), by: &[f64], rate: &mut [f64]) -> Vec<f64> {
     let [by_y, by_v] = slope_maps(eq, y, v);
     let mut own = by.to_vec();
     let mut out = vec![0.0; by.len()];

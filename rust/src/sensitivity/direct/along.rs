@@ -53,7 +53,7 @@ impl<'a> Along<'a> {
             directions.iter().map(|d| touched(system, effects, d)).map(|t| (!t.whole, !t.rows)).collect();
         let mut order: Vec<usize> = (0..directions.len()).collect();
         order.sort_by_key(|p| kind[*p]);
-        let projected = eq.n_rows() > 0 && plan.rule.bends();
+        let projected = eq.n_rows() > 0;
         let mut chunks = Vec::new();
         for alike in order.chunk_by(|a, b| kind[*a] == kind[*b]) {
             for part in alike.chunks(WIDEST) {

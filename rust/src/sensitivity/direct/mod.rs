@@ -2,18 +2,20 @@
 //!
 //! | file | |
 //! |---|---|
-//! | `along`, `slopes`, `runge_kutta`, `radau` | by the tangents of the steps |
+//! | `along`, `slopes`, `runge_kutta`, `stages`, `bdf`, `closing` | by the tangents of the steps |
 //! | `chunk`, `explicit`, `lanes` | what tangents do not give: by the numbers themselves, in several directions at once |
 mod along;
+mod bdf;
 pub(crate) mod chunk;
+mod closing;
 pub(crate) mod explicit;
-mod radau;
 mod runge_kutta;
 pub(crate) mod slopes;
+mod stages;
 
 use nalgebra::DMatrix;
 
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::integrate::ali3p::{Factors, Record, Weight, stars};
 use crate::integrate::generalized_alpha::{Parameters, reached};
 use crate::integrate::{Equations, Instant, Motion};
@@ -22,11 +24,13 @@ use crate::run::{Cancel, Counts};
 use self::along::Along;
 use self::chunk::Moving;
 use self::slopes::{Slopes, add_mapped, add_turning_slopes, carried};
-use super::alpha::{self, Load, Solved};
+use super::alpha::{Load, Solved};
+use super::bdf::Past;
+use super::closing::accelerating;
 use super::kinks::{Kink, Watch};
 use super::march::{Here, Made, March, Rule};
 use super::quantity::{Quantity, read};
-use super::radau::Probe;
+use super::stages::{Probe, Rows};
 use super::{Direction, Plan};
 
 /// What generalised-alpha carries on, by all directions.
@@ -36,11 +40,24 @@ struct Carry {
     slope: DMatrix<f64>,
 }
 
-impl Carry {
+/// What schemes carry on besides an instant, by all directions.
+struct Carried {
+    alpha: Carry,
+    past: Past,
+}
+
+impl Carried {
     /// Before the first step.
     fn first(now: &Slopes) -> Self {
-        Carry { a: now.a.clone(), rate_slope: now.a.clone(), slope: &now.a * 0.0 }
+        let alpha = Carry { a: now.a.clone(), rate_slope: now.a.clone(), slope: &now.a * 0.0 };
+        Carried { alpha, past: Past::none(now.x.nrows(), now.z.nrows(), now.x.ncols()) }
     }
+}
+
+/// What finds the derivatives of stages: of Radau's method, of "bdf".
+struct Probes<'a> {
+    radau: Option<Probe<'a>>,
+    bdf: Option<Probe<'a>>,
 }
 
 impl Along<'_> {
@@ -119,17 +136,10 @@ impl Along<'_> {
         add_mapped(&eq.step_maps(&theta, rate, h, g / (h * b)), &w, &mut x);
         v += &w * (g / (h * b));
         let there = Motion { memory: from.instant.motion.memory.clone(), ..end.instant.motion.clone() };
-        if eq.n_rows() > 0 {
-            let rest = vec![0.0; eq.n()];
-            let idle = vec![0.0; eq.n_rows()];
-            let changes = [(by.dv.as_slice(), by.kappa.as_slice()), (&rest, &idle)];
-            let metrics = self.metrics((&there, &rest), changes, (0.0, 0.0), [&x, &v, &none], counts);
-            let last = (&there, rest.as_slice());
-            self.projected(&by.end, last, &metrics, &x, (&mut v, None))?;
-        }
-        let before = std::mem::replace(&mut self.now.a, none);
         (self.now.x, self.now.v) = (x, v);
-        self.accelerate(&there, &end.instant, &by.end, counts)?;
+        self.aligned(&by.end, &there, counts)?;
+        let before = std::mem::replace(&mut self.now.a, none);
+        self.accelerate(&there, &end.instant, &by.end.by, counts)?;
         Ok(Some(Carry { a: a1, rate_slope: s1, slope: (&self.now.a - before) / h }))
     }
 }
@@ -143,39 +153,44 @@ pub struct Sensitivities {
     pub kinks: Vec<Kink>,
 }
 
-/// A step along all directions, and what generalised-alpha carries on.
+/// A step along all directions.
 fn stepped(
     along: &mut Along<'_>,
     (from, end, made): (&Here, &Here, &Made),
-    (carry, probe): (Carry, Option<&Probe<'_>>),
+    (carried, probes): (&mut Carried, &Probes<'_>),
     stage: &mut dyn FnMut(usize, &Along<'_>, &Instant) -> Result<()>,
     counts: &mut Counts,
-) -> Result<Carry> {
+) -> Result<()> {
     counts.add("tangent linear steps", 1);
-    if let Made::RungeKutta(stages) = made {
-        along.runge_kutta(stages, &end.instant, stage, counts)?;
-        along.remember(&stages.end, &end.instant.motion, counts);
-        return Ok(carry);
-    }
-    if let (Made::Radau(stages), Some(probe)) = (made, probe) {
-        along.radau(stages, &end.instant, probe, stage, counts)?;
-        along.remember(&stages.end, &end.instant.motion, counts);
-        return Ok(carry);
-    }
-    let from = &*along.open(from, made.length());
-    let next = match made {
-        Made::Ali3p(record, by) => {
-            along.ali3p(from, end, record, by, counts)?;
-            None
+    match (made, probes) {
+        (Made::RungeKutta(stages), _) => {
+            along.runge_kutta(stages, &end.instant, stage, counts)?;
+            along.remember(&stages.end, &end.instant.motion, counts);
         }
-        Made::Alpha(p, h) => {
-            let by = Solved::new(along.eq, *p, from, end, *h, counts)?;
-            along.alpha(from, end, (*p, *h), (&by, &carry), counts)?
+        (Made::Radau(stages), Probes { radau: Some(probe), .. }) => {
+            along.pointed(&mut carried.past);
+            along.radau(stages, &end.instant, probe, stage, counts)?;
+            along.remember(&stages.end, &end.instant.motion, counts);
         }
-        Made::RungeKutta(_) | Made::Radau(_) => None,
-    };
-    along.remember(&from.instant.motion, &end.instant.motion, counts);
-    Ok(next.unwrap_or(carry))
+        (Made::Bdf(stages, step), Probes { bdf: Some(probe), .. }) => {
+            along.bdf((from, end), (stages, step), &mut carried.past, probe, counts)?;
+        }
+        _ => {
+            let from = &*along.open(from, made.length());
+            match made {
+                Made::Ali3p(record, by) => along.ali3p(from, end, record, by, counts)?,
+                Made::Alpha(p, h) => {
+                    let by = Solved::new(along.eq, *p, from, end, *h, counts)?;
+                    if let Some(next) = along.alpha(from, end, (*p, *h), (&by, &carried.alpha), counts)? {
+                        carried.alpha = next;
+                    }
+                }
+                _ => return Err(Error::model("a step was not prepared for its derivative")),
+            }
+            along.remember(&from.instant.motion, &end.instant.motion, counts);
+        }
+    }
+    Ok(())
 }
 
 #[allow(clippy::too_many_arguments)]
@@ -191,7 +206,7 @@ pub fn direct(
     plan.check()?;
     let n_p = directions.len();
     let mut along = Along::new(eq, &first, plan, directions, counts)?;
-    let mut carry = Carry::first(&along.now);
+    let mut carried = Carried::first(&along.now);
     let width: usize = wanted.iter().map(|q| q.width(eq)).sum();
     let (n_t, n_r) = (plan.times.len(), plan.n_values());
     let mut out = Sensitivities {
@@ -201,7 +216,12 @@ pub fn direct(
         width,
         kinks: Vec::new(),
     };
-    let probe = (n_p > 0 && matches!(plan.rule, Rule::Radau)).then(|| Probe::new(eq));
+    let bdf = n_p > 0 && matches!(plan.rule, Rule::Bdf);
+    let radau = bdf || n_p > 0 && matches!(plan.rule, Rule::Radau);
+    let probes = Probes {
+        radau: radau.then(|| Probe::new(eq, Rows::Accelerations)),
+        bdf: bdf.then(|| Probe::new(eq, Rows::Rates)),
+    };
     let mut march = March::new(eq, plan).with_tangents();
     let mut watch = Watch::new(eq, &first);
     let mut here = Here::first(first, plan.rule);
@@ -226,16 +246,16 @@ pub fn direct(
                     row += 1;
                     along.read(at, wanted, &mut derivatives[(row - 1) * width * n_p..row * width * n_p])
                 };
-                carry = stepped(&mut along, (&here, &end, &made), (carry, probe.as_ref()), &mut stage, counts)?;
+                stepped(&mut along, (&here, &end, &made), (&mut carried, &probes), &mut stage, counts)?;
             }
             watch.pass(&here.instant, &end.instant);
             here = match march.anew(i - 1, &end, counts)? {
                 None => end,
                 Some(anew) => {
                     if n_p > 0 {
-                        let by = alpha::accelerating(eq, &anew.instant.motion)?.0;
+                        let by = accelerating(eq, &anew.instant.motion)?.0;
                         along.accelerate(&anew.instant.motion, &anew.instant, &by, counts)?;
-                        carry = Carry::first(&along.now);
+                        carried = Carried::first(&along.now);
                     }
                     anew
                 }

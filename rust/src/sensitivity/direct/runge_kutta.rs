@@ -7,11 +7,10 @@ use crate::integrate::dop853_numbers::Row;
 use crate::multibody::rotations::Maps;
 use crate::run::Counts;
 
-use super::super::alpha::accelerating;
-use super::super::runge_kutta::{Stages, closing, end_row, slope_maps, stage_row};
+use super::super::closing::accelerating;
+use super::super::runge_kutta::{Stages, end_row, slope_maps, stage_row};
 use super::along::Along;
 use super::chunk::Moving;
-use super::slopes::{add_mapped, carried};
 
 /// Derivatives of Y, a and g of a stage.
 struct Slope {
@@ -35,44 +34,21 @@ impl Along<'_> {
             let (at, y) = (&own.at, &own.increment);
             if i > 0 {
                 let [dy, dv, dz] = self.sums(&slopes, stage_row(i), by.h);
-                self.now.x = carried(eq.topology(), y, &start.x);
-                add_mapped(&eq.rotation_maps(y), &dy, &mut self.now.x);
+                self.now.x = self.reached(&start.x, y, &dy);
                 (self.now.v, self.now.z) = (&start.v + dv, &start.z + dz);
                 let factor = accelerating(eq, &at.motion)?.0;
                 self.accelerate(&at.motion, at, &factor, counts)?;
-                slopes.push(Slope { y: self.slope(y, &at.motion.rate, &dy), v: self.now.a.clone(), z: self.rates(at) });
+                let y = self.slope((y, &at.motion.rate), (&dy, &self.now.v));
+                slopes.push(Slope { y, v: self.now.a.clone(), z: self.rates(at) });
             } else {
                 slopes.push(Slope { y: start.v.clone(), v: start.a.clone(), z: self.rates(at) });
             }
             stage(i, self, at)?;
         }
         let [dy, dv, dz] = self.sums(&slopes, end_row(), by.h);
-        self.now.x = carried(eq.topology(), &by.increment, &start.x);
-        add_mapped(&eq.rotation_maps(&by.increment), &dy, &mut self.now.x);
+        self.now.x = self.reached(&start.x, &by.increment, &dy);
         (self.now.v, self.now.z) = (&start.v + dv, &start.z + dz);
         self.ended(by, end, counts)
-    }
-
-    /// The end of a step, moved to the constraints, with its accelerations.
-    pub fn ended(&mut self, by: &Stages, end: &Instant, counts: &mut Counts) -> Result<()> {
-        let eq = self.eq;
-        let (factor, jacobian) = accelerating(eq, &by.end)?;
-        if eq.n_rows() > 0 {
-            self.onto_rows(by, &jacobian)?;
-            let none = [self.zeros(eq.n()), self.zeros(0)];
-            let (x, mut v) = (self.now.x.clone(), self.now.v.clone());
-            self.projected(&factor, (&by.end, &end.acceleration), &none, &x, (&mut v, None))?;
-            self.now.v = v;
-        }
-        self.accelerate(&by.end, end, &factor, counts)
-    }
-
-    /// Increments that keep the loops closed.
-    fn onto_rows(&mut self, by: &Stages, jacobian: &DMatrix<f64>) -> Result<()> {
-        let at = Moving { motion: &by.end, x: &self.now.x, v: &self.now.v, z: &self.now.z };
-        let open = -self.closure(jacobian, at, 0.0);
-        self.now.x += closing(self.eq, &by.end)?.solve(&self.zeros(self.eq.n()), &open)?.0;
-        Ok(())
     }
 
     fn sums(&self, slopes: &[Slope], row: Row, h: f64) -> [DMatrix<f64>; 3] {
@@ -87,10 +63,10 @@ impl Along<'_> {
         out
     }
 
-    /// Y, from changes of the increment and, in `now`, of the rates.
-    fn slope(&self, y: &[f64], rate: &[f64], dy: &DMatrix<f64>) -> DMatrix<f64> {
-        let [by_y, by_v] = slope_maps(self.eq, y, rate);
-        let mut out = self.now.v.clone();
+    /// Changes of Y = J_l^-1(y) v by those of y and v.
+    pub fn slope(&self, (y, v): (&[f64], &[f64]), (dy, dv): (&DMatrix<f64>, &DMatrix<f64>)) -> DMatrix<f64> {
+        let [by_y, by_v] = slope_maps(self.eq, y, v);
+        let mut out = dv.clone();
         let times = |maps: &Maps, k: usize, from: &DMatrix<f64>, column: usize, row: usize| -> f64 {
             let (first, map) = &maps[k];
             (0..3).map(|l| map[row][l] * from[(first + l, column)]).sum()
@@ -98,8 +74,7 @@ impl Along<'_> {
         for (k, (first, _)) in by_y.iter().enumerate() {
             for column in 0..out.ncols() {
                 for row in 0..3 {
-                    out[(first + row, column)] =
-                        times(&by_y, k, dy, column, row) + times(&by_v, k, &self.now.v, column, row);
+                    out[(first + row, column)] = times(&by_y, k, dy, column, row) + times(&by_v, k, dv, column, row);
                 }
             }
         }

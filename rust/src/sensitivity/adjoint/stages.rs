@@ -1,25 +1,27 @@
-//! A step of Radau's method backwards: the exact reverse of `Along::radau`.
+//! Stages that are solved for together backwards: the exact reverse of `Along::solved`.
 //!
 //! ```text
-//! all stages:   [A L; R 0]^T (u, y; w) = (a_i^ + by T and h A of q_i^, v_i^; z_i^; lam_i^)     the system of `gradient::radau`
-//! then          -u_i.r - w_i.(J a + gamma) + (h A^T y)_i.g     by q_i, v_i, z_i and the numbers, and from there to q0, v0, z0
+//! all stages:   [A L; R 0]^T (u, y; w) = (a_i^ + by T and w of q_i^, v_i^; z_i^; lam_i^)     the system of `gradient::stages`
+//! then          -u_i.r - w_i.(rows) + (w^T y)_i.g     by q_i, v_i, z_i and the numbers, and from there to the base
 //! ```
 use nalgebra::DMatrix;
 
 use crate::error::Result;
+use crate::integrate::ali3p::pulled;
 use crate::integrate::{Equations, Instant};
 use crate::run::Counts;
 
 use super::super::march::Here;
-use super::super::radau::{Chart, Coupled, Probe};
-use super::super::runge_kutta::Stages;
+use super::super::runge_kutta::{Stages, weights};
+use super::super::stages::{Base, Chart, Coupled, Probe, Rows};
+use super::closing::{ended_back, turned_back};
 use super::increments::{add_numbers, before_move, by_increments};
 use super::recorder::{Adjoint, Recorder, add, column, state_rates_back};
-use super::runge_kutta::ended_back;
 
-/// Adjoints of all stages: increments, rates, accelerations, multipliers and memories, one column each.
-struct Back {
+/// Adjoints of all stages: poses, increments besides, rates, accelerations, multipliers and memories, one column each.
+pub struct Back {
     q: Vec<DMatrix<f64>>,
+    theta: Vec<DMatrix<f64>>,
     v: Vec<DMatrix<f64>>,
     a: Vec<DMatrix<f64>>,
     lam: Vec<DMatrix<f64>>,
@@ -27,14 +29,16 @@ struct Back {
 }
 
 impl Back {
-    fn none(stages: usize) -> Self {
+    pub fn none(stages: usize) -> Self {
         let none = || Vec::with_capacity(stages);
-        Back { q: none(), v: none(), a: none(), lam: none(), z: none() }
+        Back { q: none(), theta: none(), v: none(), a: none(), lam: none(), z: none() }
     }
 
-    fn push(&mut self, q: &[f64], at: &Adjoint) {
+    /// Those of a pose count by its increments.
+    pub fn push(&mut self, q: &[f64], theta: &[f64], at: &Adjoint) {
         let all = [
             (&mut self.q, q),
+            (&mut self.theta, theta),
             (&mut self.v, &at.rate),
             (&mut self.a, &at.acceleration),
             (&mut self.lam, &at.lam),
@@ -43,16 +47,17 @@ impl Back {
         all.into_iter().for_each(|(to, own)| to.push(column(own)));
     }
 
-    /// Adjoints of the rates, with what the increments make of them.
-    fn rates(&self, eq: &Equations<'_, f64>, by: &Stages, chart: &Chart) -> Vec<DMatrix<f64>> {
-        let turned = |(q, own): (&DMatrix<f64>, &[f64])| eq.turned_columns(q.transpose(), own).transpose();
-        let theta: Vec<_> = self.q.iter().zip(by.all.iter().map(|s| &s.increment[..])).map(turned).collect();
-        chart.increments_back(&theta).into_iter().zip(&self.v).map(|(d, v)| d + v).collect()
+    /// Adjoints of increments and rates of the base.
+    fn base(&self, eq: &Equations<'_, f64>, by: &Stages, chart: &Chart) -> [Vec<DMatrix<f64>>; 2] {
+        let own = by.all.iter().zip(&self.q).zip(&self.theta);
+        let turned = own.map(|((s, q), theta)| column(&turned_back(eq, &s.increment, q.as_slice())) + theta);
+        let [theta, v] = chart.increments_back(&turned.collect::<Vec<_>>());
+        [theta, v.into_iter().zip(&self.v).map(|(d, v)| d + v).collect()]
     }
 }
 
-/// From the adjoints at the end of a step to those at its start; `seed` adds what is read of a stage.
-pub fn step_back(
+/// A step of Radau's method, from the adjoints at its end to those at its start; `seed` adds what is read of a stage.
+pub fn radau_back(
     recorder: &mut Recorder<'_>,
     (from, end): (&Here, &Here),
     (by, probe): (&Stages, &Probe<'_>),
@@ -61,36 +66,48 @@ pub fn step_back(
     counts: &mut Counts,
 ) -> Result<Adjoint> {
     let eq = recorder.eq;
-    let coupled = Coupled::new(probe, by, counts)?;
-    let mut last = Some(ended_back(recorder, by, end, at)?);
-    let mut all = Back::none(by.all.len());
+    let coupled = Coupled::new(probe, weights(by.h), by, counts)?;
+    let mut last = Some(ended_back(recorder, by, end, at, &[])?);
+    let (mut all, none) = (Back::none(by.all.len()), vec![0.0; eq.n()]);
     for (i, own) in by.all.iter().enumerate() {
         let mut read = Adjoint::none(from);
         seed(recorder, i, &own.at, &mut read)?;
         let mut q = by_increments(eq, &own.at.motion, &read.q);
-        if let Some(last) = last.take_if(|_| i + 1 == by.all.len()) {
-            add(&mut q, &by_increments(eq, &by.end, &last.q));
+        if let Some((by_end, last)) = last.take_if(|_| i + 1 == by.all.len()) {
+            add(&mut q, &by_end);
             add(&mut read.rate, &last.rate);
             add(&mut read.memory, &last.memory);
         }
-        all.push(&q, &read);
+        all.push(&q, &none, &read);
     }
-    solved_back(recorder, (by, probe), &coupled, &mut all)?;
+    let base = solved_back(recorder, (by, probe), &coupled, all)?;
     let mut before = Adjoint::none(from);
-    let mut q = vec![0.0; eq.n()];
-    for (own, by_q) in by.all.iter().zip(&all.q) {
-        let mut own_q = by_q.as_slice().to_vec();
-        before_move(eq, &own.increment, &mut own_q);
-        add(&mut q, &own_q);
-    }
-    add_numbers(eq, &from.instant.motion, &q, &mut before.q);
-    all.rates(eq, by, &coupled.chart).iter().for_each(|v| add(&mut before.rate, v.as_slice()));
-    all.z.iter().for_each(|z| add(&mut before.memory, z.as_slice()));
+    add_numbers(eq, &from.instant.motion, base.x.as_slice(), &mut before.q);
+    base.v.iter().for_each(|v| add(&mut before.rate, v.as_slice()));
+    add(&mut before.memory, base.z.as_slice());
     Ok(before)
 }
 
+/// From adjoints of all stages to those of their base.
+pub fn solved_back(
+    recorder: &mut Recorder<'_>,
+    (by, probe): (&Stages, &Probe<'_>),
+    coupled: &Coupled,
+    mut all: Back,
+) -> Result<Base> {
+    let eq = recorder.eq;
+    differentiated(recorder, (by, probe), coupled, &mut all)?;
+    let [theta, v] = all.base(eq, by, &coupled.chart);
+    let mut x = DMatrix::zeros(eq.n(), 1);
+    for (own, by_q) in by.all.iter().zip(&mut all.q) {
+        before_move(eq, &own.increment, by_q.as_mut_slice());
+        x += &*by_q;
+    }
+    Ok(Base { x, theta, v, z: all.z.iter().sum() })
+}
+
 /// Accelerations, multipliers and states of all stages by their increments, rates and memories: adjoints are added.
-fn solved_back(
+fn differentiated(
     recorder: &mut Recorder<'_>,
     (by, probe): (&Stages, &Probe<'_>),
     coupled: &Coupled,
@@ -98,7 +115,7 @@ fn solved_back(
 ) -> Result<()> {
     let eq = recorder.eq;
     let (s, n, rows, k) = (by.all.len(), eq.n(), eq.n_rows(), probe.states.len());
-    let by_rates = coupled.chart.sums_back(&all.rates(eq, by, &coupled.chart));
+    let by_rates = coupled.chart.sums_back(&all.base(eq, by, &coupled.chart)[1]);
     let mut f = DMatrix::zeros(s * (n + k), 1);
     let mut g = DMatrix::zeros(s * rows, 1);
     for i in 0..s {
@@ -109,6 +126,7 @@ fn solved_back(
         }
     }
     let (u, w) = coupled.system.solve_transposed(&f, &g)?;
+    let w = w / coupled.rows_by;
     let spread = |i: usize| {
         let mut out = DMatrix::zeros(all.z[i].nrows(), 1);
         probe.states.iter().enumerate().for_each(|(p, place)| out[*place] = u[s * n + i * k + p]);
@@ -119,10 +137,18 @@ fn solved_back(
         let (m, a, lam) = (&own.at.motion, &own.at.acceleration, &own.at.lam);
         let (u, w) = (&u.as_slice()[i * n..(i + 1) * n], &w.as_slice()[i * rows..(i + 1) * rows]);
         let mut found = recorder.hand.balance(m, a, lam, (u, &[]), 1.0, 0.0);
-        if rows > 0 {
-            let (q, rate) = recorder.hand.row_bias(m, a, w);
-            add(&mut found.q, &q);
-            add(&mut found.rate, &rate);
+        match probe.rows {
+            Rows::Accelerations if rows > 0 => {
+                let (q, rate) = recorder.hand.row_bias(m, a, w);
+                add(&mut found.q, &q);
+                add(&mut found.rate, &rate);
+            }
+            Rows::Rates if rows > 0 => {
+                let pulled = pulled(&coupled.linear[i].jacobian, w);
+                found.rate.iter_mut().zip(pulled.iter()).for_each(|(v, d)| *v -= d);
+                add(&mut found.q, &recorder.hand.row_rates(m, w));
+            }
+            _ => {}
         }
         if k > 0 {
             let mut by_states = Adjoint { q: vec![0.0; m.q.len()], rate: found.rate, memory: found.memory, ..empty() };
@@ -145,5 +171,6 @@ fn empty() -> Adjoint {
         memory: Vec::new(),
         lam: Vec::new(),
         load: None,
+        past: None,
     }
 }

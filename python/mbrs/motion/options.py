@@ -1,0 +1,167 @@
+"""Options of `mb.simulate`, checked and in the form that the core takes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from .._lib.checks import count, shown
+from ..errors import ModelError
+from ..model.tables import directions
+from ..system.snapshot import Snapshot
+from ..system.state import State
+
+if TYPE_CHECKING:
+    from ..model.model import Model
+
+METHODS = ("auto", "explicit", "generalized-alpha", "radau", "bdf", "bdf-bfgs", "ali3p")
+# of the error over the step
+ORDER = {"explicit": 8, "generalized-alpha": 2, "radau": 5, "bdf": 4, "bdf-bfgs": 4, "ali3p": 2}
+# their error is estimated by a tighter run, that of the others by a looser one
+TIGHTENED = frozenset({"explicit", "radau", "bdf", "bdf-bfgs"})
+TIGHTEST, LOOSEST = 1e-13, 1e-1
+# below it the norm to which the equations of a step of bdf-bfgs are solved shows in the rates, and steps collapse; with rows of loops
+# or drives it shows earlier (slider-crank: from 1e-9 on errors of 1.3e-9 to 2.8e-9, whatever is asked)
+_TIGHTEST_WITHOUT_TANGENT = 1e-10
+_TIGHTEST_WITH_ROWS = 3e-9
+# updates of multipliers in one linear system
+_MOST_PASSES = 1000
+
+
+def tightest_without_tangent(snapshot: Snapshot) -> float:
+    """The tolerance that "bdf-bfgs" can serve."""
+    return _TIGHTEST_WITH_ROWS if snapshot.system.topology()["row_joint"] else _TIGHTEST_WITHOUT_TANGENT
+
+
+def variant(method: str, form: Any, update: Any, coordinates: Any) -> str:
+    """The method with what belongs to it, as the core names it: "explicit/tree", "bdf-bfgs/ggl/auto"."""
+    if coordinates is not None:
+        if coordinates not in ("tree", "independent"):
+            raise ModelError(f"coordinates= is 'tree', 'independent' or 'absolute', got {shown(coordinates)}")
+        if method != "explicit":
+            raise ModelError(f'coordinates={coordinates!r} belongs to method="explicit", not to {shown(method)}')
+        method = f"{method}/{coordinates}"
+    if form is None and update is None:
+        return method
+    if method != "bdf-bfgs":
+        method = method.partition("/")[0]
+        raise ModelError(f'form= and update= belong to method="bdf-bfgs", not to {shown(method)}')
+    form, update = "ggl" if form is None else form, "auto" if update is None else update
+    if form not in ("ggl", "symmetric"):
+        raise ModelError(f"form= is 'ggl' or 'symmetric', got {shown(form)}")
+    if update not in ("auto", "bfgs", "broyden"):
+        raise ModelError(f"update= is 'auto', 'bfgs' or 'broyden', got {shown(update)}")
+    return f"{method}/{form}/{update}"
+
+
+def penalised(method: str, penalty: Any, passes: Any, parameters: Any) -> dict[str, float]:
+    """Penalty factor and passes of "ali3p", where they are given."""
+    if penalty is None and passes is None:
+        return {}
+    if method != "ali3p":
+        raise ModelError(f'penalty= and passes= belong to method="ali3p", not to {shown(method)}')
+    if parameters is not None:
+        raise ModelError(
+            "sensitivities belong to the limit of many passes; leave out penalty= and passes=, or parameters="
+        )
+    if penalty is None:
+        raise ModelError("passes= belongs to a penalty factor: give penalty=, such as 1e6")
+    return {
+        "penalty": _number("penalty", penalty),
+        "passes": float(count("passes", 1 if passes is None else passes, _MOST_PASSES)),
+    }
+
+
+def with_sensitivities(m: Model, parameters: Any, method: str, coordinates: Any) -> tuple[str, Any]:
+    """Method and coordinates of a motion that is differentiated."""
+    if coordinates == "absolute":
+        raise ModelError('a motion in coordinates="absolute" has no sensitivities; leave out one of both')
+    if method not in ("auto", "explicit", "radau", "bdf", "ali3p", "generalized-alpha"):
+        raise ModelError(
+            f"method={method!r} has no sensitivities; those that have are method='explicit', 'radau', 'bdf', 'ali3p' and "
+            "'generalized-alpha', or leave parameters= out"
+        )
+    method = "ali3p" if method == "auto" else method
+    if method == "explicit" and coordinates == "independent":
+        raise ModelError(
+            'a motion in coordinates="independent" has no sensitivities; leave out coordinates= or parameters='
+        )
+    if not isinstance(parameters, (str, Sequence)):
+        raise ModelError(f"parameters= takes an address or a list of them, got {shown(parameters)}")
+    directions(m, parameters)
+    return method, "tree" if method == "explicit" else coordinates
+
+
+def refuse_options_of_models(given: Mapping[str, Any], without: Sequence[str]) -> None:
+    for name, value in given.items():
+        if value is not None:
+            raise ModelError(f"{name}= belongs to motions of a Model; a MechanicalSystem starts from x0= and v0=")
+    if tuple(without):
+        raise ModelError("without= belongs to motions of a Model; a MechanicalSystem is what its matrices are")
+
+
+def refuse_options_of_matrices(given: Mapping[str, Any]) -> None:
+    for name, value in given.items():
+        if value is not None:
+            raise ModelError(
+                f"{name}= belongs to motions of a MechanicalSystem; a model has m.force(..., value=f), and at= for its start"
+            )
+
+
+def limits(rho: Any, max_step: Any, first_step: Any, max_steps: Any) -> dict[str, float]:
+    """Damping of generalised-alpha and limits of the steps, those that are given."""
+    options = {}
+    for name, value in (("rho", rho), ("max_step", max_step), ("first_step", first_step), ("max_steps", max_steps)):
+        if value is not None:
+            options[name] = _number(name, value, positive=name != "rho")
+    if max_steps is not None and (isinstance(max_steps, bool) or options["max_steps"] % 1.0 != 0.0):
+        raise ModelError(f"max_steps= must be a whole number, got {shown(max_steps)}")
+    if rho is not None and not 0.0 <= rho <= 1.0:
+        raise ModelError(f"rho= lies between 0 and 1, got {rho}")
+    return options
+
+
+def _number(name: str, value: Any, *, positive: bool = True) -> float:
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        raise ModelError(f"{name}= must be a number, got {shown(value)}") from None
+    if not math.isfinite(number) or (positive and number <= 0.0):
+        raise ModelError(f"{name}= must be a {'positive' if positive else 'finite'} number, got {shown(value)}")
+    return number
+
+
+def motion_options(t: Any, rtol: Any, step: Any, method: Any, state: State) -> dict[str, Any]:
+    """Method, outputs, end, and the fixed step or the tolerance, for the core."""
+    if not isinstance(method, str) or method not in METHODS:
+        raise ModelError(f"method= is one of {', '.join(map(repr, METHODS))}, got {shown(method)}")
+    if rtol is not None and step is not None:
+        raise ModelError("give rtol= (controlled steps) or step= (fixed steps), not both")
+    options: dict[str, Any] = {"method": method, "t": state.t, "memory": state.memory.tolist()}
+    try:
+        times = np.asarray(t, dtype=float)
+    except (TypeError, ValueError):
+        raise ModelError(f"t= must be a number or an array of times, got {shown(t)}") from None
+    if times.ndim > 1 or times.size == 0 or not np.all(np.isfinite(times)):
+        raise ModelError(f"t= must be a finite number or a one-dimensional array of finite times, got {shown(t)}")
+    if times.ndim == 1:
+        if np.any(np.diff(times) <= 0.0):
+            raise ModelError("the times of t= must increase")
+        options["outputs"] = times.tolist()
+    options["end"] = float(times.max())
+    if times.min() < state.t:
+        raise ModelError(f"t={times.min():.9g} s lies before the start at {state.t:.9g} s")
+    if times.ndim == 0 and options["end"] == state.t:
+        raise ModelError(f"t= must lie after the start at {state.t:.9g} s")
+    if step is not None:
+        options["step"] = _number("step", step)
+        if (options["end"] - state.t) / options["step"] > 1e9:
+            raise ModelError(f"step={step} would need more than 1e9 steps")
+    else:
+        options["rtol"] = _number("rtol", 1e-7 if rtol is None else rtol)
+        if not TIGHTEST <= options["rtol"] <= LOOSEST:
+            raise ModelError(f"rtol= must lie between {TIGHTEST} and {LOOSEST}, got {shown(rtol)}")
+    return options
