@@ -381,15 +381,7 @@ impl Driver<'_, '_, '_> {
     fn lost(&mut self, here: &Instant, why: &str, counts: &mut Counts) -> bool {
         let message = match self.watch.losing_rank(self.eq, here, counts) {
             None => why.to_string(),
-            Some((t, names)) => {
-                let what = match names.contains("the drive") {
-                    true => {
-                        "beyond this pose the loops cannot be closed, or two motions meet in it: let the drive end before it"
-                    }
-                    false => "two motions meet in this pose: start elsewhere, or take a larger rtol or another method",
-                };
-                format!("near t = {t:.9} s the rows of {names} lose rank; {what} ({why})")
-            }
+            Some((t, lost)) => format!("{} ({why})", lost.told(t)),
         };
         self.stop(here.motion.t, message);
         false

@@ -94,25 +94,45 @@ impl Equations<'_, f64> {
         Ok(Correction { coordinates, multipliers })
     }
 
-    /// Joints and drives whose rows lose rank next to a motion, those that lose most first.
-    pub fn losing_rank(&self, m: &Motion<f64>, counts: &mut Counts) -> String {
+    /// Whose rows lose rank next to a motion.
+    pub fn losing_rank(&self, m: &Motion<f64>, counts: &mut Counts) -> LosingRank {
         let Ok(correction) = self.correction(m, counts) else {
-            return "the rows of its loops and drives".into();
+            return LosingRank { names: "its loops and drives".into(), driven: false };
         };
         let scales = self.row_scales();
         let sizes: Vec<f64> = correction.multipliers.iter().zip(&scales).map(|(l, s)| (l / s).abs()).collect();
         let most = sizes.iter().copied().fold(0.0, f64::max);
         let mut rows: Vec<usize> = (0..sizes.len()).filter(|i| sizes[*i] >= NAMED * most).collect();
-        let drives = |i: &usize| !matches!(self.topology().rows[*i].purpose, Purpose::Drive(_));
-        rows.sort_by(|i, j| drives(i).cmp(&drives(j)).then(sizes[*j].total_cmp(&sizes[*i])));
+        let drives = |i: &usize| matches!(self.topology().rows[*i].purpose, Purpose::Drive(_));
+        rows.sort_by(|i, j| drives(j).cmp(&drives(i)).then(sizes[*j].total_cmp(&sizes[*i])));
         let mut names: Vec<String> = Vec::new();
+        let driven = rows.first().is_some_and(drives);
         for row in rows {
-            let what = if drives(&row) { "" } else { "the drive " };
+            let what = if drives(&row) { "the drive " } else { "" };
             let name = format!("{what}'{}'", self.topology().row_name(row));
             if !names.contains(&name) && names.len() < MOST_NAMES {
                 names.push(name);
             }
         }
-        names.join(", ")
+        LosingRank { names: names.join(", "), driven }
+    }
+}
+
+/// Joints and drives whose rows lose rank in a pose, drives first, then those that lose most; and whether a drive is among them.
+pub struct LosingRank {
+    names: String,
+    driven: bool,
+}
+
+impl LosingRank {
+    /// What is to be said of the pose, and what to do.
+    pub fn told(&self, t: f64) -> String {
+        let what = match self.driven {
+            true => {
+                "beyond this pose the loops cannot be closed, or two motions meet in it: let the drive end before it"
+            }
+            false => "two motions meet in this pose: start elsewhere, or take a larger rtol or another method",
+        };
+        format!("near t = {t:.9} s the rows of {} lose rank; {what}", self.names)
     }
 }

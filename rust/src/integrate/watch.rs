@@ -6,6 +6,7 @@
 //! whether the accelerations of the steps explain it, or rounding could have done it.
 use crate::run::Counts;
 
+use super::singular::LosingRank;
 use super::{Equations, Instant, Motion, scaled_size};
 use crate::tolerances::singular_poses::{NEAR, NOISE_OF_STEPS, TURNED, TURNED_BY_ROUNDING};
 
@@ -190,7 +191,12 @@ impl Watch {
     }
 
     /// The joints and drives that lose rank near `here`, None far from a singular pose.
-    pub fn losing_rank(&self, eq: &Equations<'_, f64>, here: &Instant, counts: &mut Counts) -> Option<(f64, String)> {
+    pub fn losing_rank(
+        &self,
+        eq: &Equations<'_, f64>,
+        here: &Instant,
+        counts: &mut Counts,
+    ) -> Option<(f64, LosingRank)> {
         if !self.active {
             return None;
         }
