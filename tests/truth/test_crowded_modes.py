@@ -147,7 +147,7 @@ def general_row(kind: str, n: int) -> mb.MechanicalSystem:
     return mb.MechanicalSystem(one, dashpots(n, {n // 3: 0.02}), K, G=3e-3 * skew(n), N=1e-3 * skew(n))
 
 
-KINDS = ("one dashpot", "dashpots", "heavy dashpot", "damping everywhere", "gyroscopic", "circulatory", "all")
+KINDS = ("one dashpot", "dashpots", "gyroscopic", "circulatory", "all")
 
 
 @pytest.mark.parametrize("n", [450, pytest.param(1000, marks=pytest.mark.slow)])
@@ -189,9 +189,7 @@ def twin_row(n: int, c: tuple[float, float], g: float, nu: float) -> tuple[mb.Me
 
 
 @pytest.mark.parametrize("n", [1000, pytest.param(5000, marks=pytest.mark.slow)])
-@pytest.mark.parametrize(
-    ("c", "g", "nu"), [((0.02, 0.05), 0, 0), ((0, 0), 0.3, 0), ((0, 0), 0, 1e-3), ((0, 0), 0.01, 0.004)]
-)
+@pytest.mark.parametrize(("c", "g", "nu"), [((0, 0), 0.3, 0), ((0, 0), 0.01, 0.004)])
 def test_crowded_general_roots_of_a_twin_row(n, c, g, nu):
     system, exact = twin_row(n, c, g, nu)
     found = mb.modes(system, n=6)
@@ -201,7 +199,7 @@ def test_crowded_general_roots_of_a_twin_row(n, c, g, nu):
     assert np.allclose(np.abs(found.eigenvalue), np.abs(exact[:6]), rtol=1e-12)
 
 
-@pytest.mark.parametrize("n", [2000, pytest.param(10000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("n", [3000, pytest.param(10000, marks=pytest.mark.slow)])
 def test_circulatory_row(n):
     """tridiag(-1 - e, 2.5, -1 + e) has the eigenvalues 2.5 - 2 sqrt(1 - e^2) cos(k pi/(n + 1))."""
     e = 1e-3

@@ -13,20 +13,16 @@ use crate::linalg::krylov::{Options, Ritz, Space};
 use crate::linalg::sparse::Csc;
 use crate::run::{Cancel, Counts};
 use crate::tolerances::modes::PATIENCE;
-use crate::tolerances::sparse_modes::{
-    BESIDE_CROWD, NARROW, NEARLY_ROOT, NEW_SHAPE, PLAUSIBLE, REAL_ROOT, ROOT_RESIDUAL, SAME_DAMPED,
-};
+use crate::tolerances::sparse_modes::{BESIDE_CROWD, NARROW, NEARLY_ROOT, PLAUSIBLE, REAL_ROOT, SAME_DAMPED};
 
 /// Roots beyond the wanted ones, among which a gap is looked for that a circle can pass.
 const SPARE: usize = 6;
 /// How often the shift moves.
 const MOVES: usize = 8;
-/// About how many places roots are looked for, as long as the count says that some are missing.
-const PLACES: usize = 10;
-/// How often new random vectors look for members of repeated roots.
-const FRESH: usize = 3;
-/// How many times the first number of roots a wider search may look for.
-const MANY: usize = 4;
+/// How often the search widens where the count says that roots are missing.
+const WIDER: usize = 3;
+/// Where else on the circle roots are looked for that are not near the others, in half turns.
+const ELSEWHERE: [f64; 6] = [1.0, 0.75, 0.875, 0.625, 0.25, 0.0];
 
 struct Search<'a> {
     system: &'a Damped,
@@ -58,28 +54,24 @@ pub(crate) fn lowest(
         if i < n { c64::new(modes.shape[(i, j)], 0.0) } else { c64::new(0.0, modes.shape[(i - n, j)]) }
     });
     let search = Search { system, strain, rate, cancel };
-    let (mut sigma, first) = search.settle(c64::new(0.0, rate), start, wanted, counts)?;
+    let (mut sigma, start) = search.settle(c64::new(0.0, rate), start, wanted, counts)?;
     let (mut more, mut known, mut verified) = (wanted + SPARE, Roots::default(), "unverified");
-    let mut start = Some(first.as_ref());
-    for _ in 0..PLACES {
-        let near = search.about(sigma, more, start.take(), counts)?;
+    for _ in 0..WIDER {
+        let near = search.about(sigma, more, start.as_ref(), counts)?;
         let seen = near.s.iter().map(|s| (s - sigma).norm()).fold(0.0, f64::max);
-        known.merge(near.upper());
-        let Some(radius) = known.circle(wanted) else {
-            break;
-        };
-        let disc = Disc { radius, known: &known.s, centre: sigma, seen };
-        match system.polynomial.unknown_inside(&disc, counts, cancel)? {
-            Some((0, _)) => {
+        let before = std::mem::replace(&mut known, near.upper());
+        known.merge(before);
+        match search.missing(&mut known, wanted, (sigma, seen), counts)? {
+            Some(0) => {
                 verified = "argument principle";
                 break;
             }
-            Some((count, angle)) => {
-                more = (wanted + SPARE + count).min(MANY * (wanted + SPARE)).min(n);
-                sigma = c64::from_polar(radius, angle);
-            }
+            Some(count) => more += count + SPARE,
             None => break,
         }
+        // the middle of those of smallest modulus sees more of them
+        let first = lowest_first(&known.s, wanted);
+        sigma = first.iter().map(|k| known.s[*k]).sum::<c64>() / first.len().max(1) as f64;
     }
     if known.s.len() < wanted {
         return Err(unfound(known.s.len(), wanted));
@@ -142,23 +134,16 @@ impl Search<'_> {
     }
 
     /// Roots nearest to a shift, up to `wanted`: those that converge.
-    fn about(&self, sigma: c64, wanted: usize, start: Option<MatRef<'_, c64>>, counts: &mut Counts) -> Result<Roots> {
+    fn about(&self, sigma: c64, wanted: usize, start: MatRef<'_, c64>, counts: &mut Counts) -> Result<Roots> {
         let op = self.operator(sigma, counts)?;
-        let options = Options { max_cycles: 2 * PATIENCE, ..Options::new(wanted, false) };
-        let mut space = match start {
-            Some(vectors) => Space::from_vectors(&op, options, vectors)?,
-            None => Space::new(&op, options)?,
-        };
+        let options = Options { max_cycles: PATIENCE, ..Options::new(wanted, false) };
+        let mut space =
+            if start.ncols() > 0 { Space::from_vectors(&op, options, start)? } else { Space::new(&op, options)? };
         let mut ritz = space.best(self.cancel)?;
         // new random vectors bring members of repeated roots to light
-        for _ in 0..FRESH {
-            // those that have not converged would pass for roots: what is left of them would no longer show
-            let good = space.converged(&ritz).min(wanted);
-            if good == 0 {
-                break;
-            }
-            let before: Vec<c64> = ritz.value.iter().take(good).copied().collect();
-            space.restart_afresh(&ritz, good)?;
+        for _ in 0..WIDER {
+            let before: Vec<c64> = ritz.value.iter().take(wanted).copied().collect();
+            space.restart_afresh(&ritz, wanted)?;
             ritz = space.best(self.cancel)?;
             if before.iter().zip(&ritz.value).all(|(a, b)| (a - b).norm() <= SAME_DAMPED * a.norm()) {
                 break;
@@ -168,12 +153,37 @@ impl Search<'_> {
         let count = space.converged(&ritz).min(wanted);
         let states = space.vectors(&ritz, count);
         let n = self.system.m.rows;
-        let s = roots(&ritz, sigma, count);
-        // the argument principle counts a wrong root against one that is missing
-        let residual = self.system.residuals(&s, states.subrows(0, n));
-        let good: Vec<usize> = (0..count).filter(|k| residual[*k] <= ROOT_RESIDUAL).collect();
-        let column = |k: &usize| (0..n).map(|i| states[(i, *k)]).collect();
-        Ok(Roots { s: good.iter().map(|k| s[*k]).collect(), shape: good.iter().map(column).collect() })
+        let column = |k: usize| (0..n).map(|i| states[(i, k)]).collect();
+        Ok(Roots { s: roots(&ritz, sigma, count), shape: (0..count).map(column).collect() })
+    }
+
+    /// How many roots of smaller modulus than the wanted ones, or equal, are unknown after a look elsewhere; None where no count is possible.
+    fn missing(
+        &self,
+        known: &mut Roots,
+        wanted: usize,
+        (centre, seen): (c64, f64),
+        counts: &mut Counts,
+    ) -> Result<Option<usize>> {
+        let none = Mat::zeros(2 * self.system.m.rows, 0);
+        for place in [None].into_iter().chain(ELSEWHERE.map(Some)) {
+            let Some(radius) = known.circle(wanted) else {
+                return Ok(None);
+            };
+            if let Some(place) = place {
+                let there = c64::from_polar(radius, std::f64::consts::PI * place);
+                known.merge(self.about(there, 2, none.as_ref(), counts)?.upper());
+            }
+            let Some(radius) = known.circle(wanted) else {
+                return Ok(None);
+            };
+            let disc = Disc { radius, known: &known.s, centre, seen };
+            match self.system.polynomial.unknown_inside(&disc, counts, self.cancel)? {
+                Some(count) if count > 0 && place != ELSEWHERE.last().copied() => {}
+                other => return Ok(other),
+            }
+        }
+        Ok(None)
     }
 }
 
@@ -197,26 +207,13 @@ impl Roots {
         out
     }
 
-    /// Adds those that are not known.
     fn merge(&mut self, other: Roots) {
         for (s, x) in other.s.into_iter().zip(other.shape) {
-            if self.is_new(s, &x) {
+            if self.s.iter().all(|k| (k - s).norm() > SAME_DAMPED * s.norm()) {
                 self.s.push(s);
                 self.shape.push(x);
             }
         }
-    }
-
-    /// Whether a shape is no combination of those at the same place. A root that were known twice would make up for a missing one in
-    /// the count; members of a repeated root have shapes of their own.
-    fn is_new(&self, s: c64, x: &[c64]) -> bool {
-        let near = (0..self.s.len()).filter(|k| (self.s[*k] - s).norm() <= SAME_DAMPED * s.norm());
-        let mut columns: Vec<&[c64]> = near.map(|k| self.shape[k].as_slice()).collect();
-        columns.push(x);
-        let norms: Vec<f64> = columns.iter().map(|x| x.iter().map(|z| z.norm_sqr()).sum::<f64>().sqrt()).collect();
-        let units = Mat::from_fn(x.len(), columns.len(), |i, j| columns[j][i] / norms[j]);
-        let last = columns.len() - 1;
-        units.qr().R()[(last, last)].norm() > NEW_SHAPE
     }
 
     /// The radius behind the wanted roots with the widest gap in the modulus.

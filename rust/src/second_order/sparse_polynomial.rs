@@ -45,18 +45,11 @@ impl Polynomial {
         Lu::new(&self.pattern, &self.values(s), &self.plan)
     }
 
-    /// How many roots in a disc are not among the known ones, and the angle at which the argument turns fastest: near them, if there are
-    /// any. None where the path cannot be followed.
-    pub fn unknown_inside(
-        &self,
-        disc: &Disc<'_>,
-        counts: &mut Counts,
-        cancel: &Cancel,
-    ) -> Result<Option<(usize, f64)>> {
+    /// How many roots in a disc are not among the known ones; None where the path cannot be followed.
+    pub fn unknown_inside(&self, disc: &Disc<'_>, counts: &mut Counts, cancel: &Cancel) -> Result<Option<usize>> {
         // half of the circle: the other half mirrors it
         let mut open = vec![(0.0, PI)];
         let (mut turned, mut doubt, mut panels) = (0.0, 0.0, 0);
-        let (mut fastest, mut angle) = (0.0, 0.0);
         while let Some((from, to)) = open.pop() {
             let step: f64 = to - from;
             let middle = 0.5 * (from + to);
@@ -71,9 +64,6 @@ impl Polynomial {
                 if rest * step <= COUNT_TURN {
                     turned += turn * step;
                     doubt += rest * step;
-                    if turn > fastest && disc.sees_not(middle) {
-                        (fastest, angle) = (turn, middle);
-                    }
                     continue;
                 }
             }
@@ -81,7 +71,7 @@ impl Polynomial {
         }
         let found = (turned / PI).round();
         let sure = (turned - PI * found).abs() <= COUNT_DOUBT && doubt <= COUNT_DOUBT && found >= 0.0;
-        Ok(sure.then_some((found as usize, angle)))
+        Ok(sure.then_some(found as usize))
     }
 
     /// d arg f / d theta at the nodes of a panel, f = det Q over the product of the known factors.
@@ -116,11 +106,6 @@ fn argument_of_factor(s: c64, k: c64) -> f64 {
 }
 
 impl Disc<'_> {
-    /// True where roots near this place of the path would not have been seen from the centre.
-    fn sees_not(&self, theta: f64) -> bool {
-        (c64::from_polar(self.radius, theta) - self.centre).norm() > self.seen
-    }
-
     /// A guess of the distance of the path from unknown roots, which wrong ones only make slower.
     fn clear(&self, theta: f64) -> f64 {
         let away = (c64::from_polar(self.radius, theta) - self.centre).norm();
@@ -177,11 +162,7 @@ mod tests {
                 let known = &all[missing.min(cut)..(cut + 5).min(all.len())];
                 let disc = Disc { radius, known, centre: all[0], seen: 0.1 };
                 let found = p.unknown_inside(&disc, &mut Counts::default(), &Cancel::default()).unwrap();
-                assert_eq!(
-                    found.map(|f| f.0),
-                    Some(conjugates(&all[..missing.min(cut)])),
-                    "cut {cut}, missing {missing}"
-                );
+                assert_eq!(found, Some(conjugates(&all[..missing.min(cut)])), "cut {cut}, missing {missing}");
             }
         }
     }

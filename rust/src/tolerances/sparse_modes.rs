@@ -103,9 +103,3 @@ pub const NARROW: f64 = 1e-13;
 /// Distance of a shift from the lowest of roots that are close together, over the extent of those seen. Larger: it sees fewer of them.
 /// Smaller: its factors see this one alone. No answer depends on it.
 pub const BESIDE_CROWD: f64 = 0.01;
-/// Backward error of a pair up to which it is a root, where roots are counted. Larger: a wrong root makes up for a missing one.
-/// Smaller: roots are looked for again that are known.
-pub const ROOT_RESIDUAL: f64 = 1e-10;
-/// Part of a unit shape outside the span of the known ones at the same root, above which it is one more member of a repeated root. Larger:
-/// members are missed, and looked for in vain. Smaller: one root counts twice and makes up for a missing one.
-pub const NEW_SHAPE: f64 = 1e-3;
