@@ -18,6 +18,8 @@ const GROW: f64 = 3.0;
 const FADING: f64 = 0.3;
 /// Rates count at least as if the motion took this part of the characteristic length: what starts from rest has none.
 const SLOWEST: f64 = 1e-3;
+/// A pose that is not passed by the next step is looked for again after this part of the way to it.
+const LATER: f64 = 0.15;
 const MAX_FAILURES: usize = 60;
 /// Local errors of one step below so many times the rounding of a pose are rounding themselves, where only a part of the tolerance
 /// is theirs: estimates divide differences of rates by the step, and no shorter one makes them smaller.
@@ -250,7 +252,8 @@ impl Driver<'_, '_, '_> {
         way.after_rejection = false;
         let faded = way.recent * (-FADING * aim.length / way.recent.max(aim.length)).exp();
         way.recent = aim.length.max(faded);
-        let seen = self.watch.see(self.eq, (&way.here, &step.end), mark, counts);
+        let crossed = way.detour.is_some();
+        let seen = self.watch.see(self.eq, (&way.here, &step.end), (mark, crossed), counts);
         way.here = step.end;
         self.run.local.push(size);
         self.run.steps.push(aim.broken.unwrap_or(way.here.motion.t));
@@ -336,13 +339,13 @@ impl Driver<'_, '_, '_> {
         let speed = self.scaled(&way.here.motion.rate);
         let reach = way.h * 2.0 + if own { 0.0 } else { FARTHEST_CROSSING / speed };
         let Some(hold) = self.watch.near(self.eq, &way.here, speed * reach, counts) else { return };
-        let Some(ahead) = self.eq.way_to_singular_pose(&way.here, hold, counts).filter(|a| *a <= reach) else {
-            self.watch.own_until = t + 0.5 * hold / speed;
+        let seen = self.eq.way_to_singular_pose(&way.here, hold, reach, counts);
+        let Some(ahead) = seen.filter(|a| *a <= reach) else {
+            self.watch.own_until = t + LATER * hold / speed;
             return;
         };
-        let chosen = passage(&Approach { ahead, h: way.h, speed, slope: hold / ahead, rtol }, scheme);
-        match chosen {
-            Passage::Own => self.watch.own_until = t + 0.3 * ahead,
+        match passage(&Approach { ahead, h: way.h, speed, slope: hold / ahead, rtol }, scheme) {
+            Passage::Own => self.watch.own_until = t + LATER * ahead,
             Passage::Shorter(h) => way.h = h,
             Passage::Crossing(length) if speed * ahead > NEAREST_CROSSING => {
                 counts.add("detours", 1);
@@ -366,7 +369,7 @@ impl Driver<'_, '_, '_> {
         let passed = shore.pose_after();
         (way.here, way.h, way.failures, way.after_rejection) = (shore.instant, shore.h, 0, false);
         self.watch.return_to(self.eq, &way.here, counts);
-        let ahead = self.eq.way_to_singular_pose(&way.here, self.watch.hold, counts).unwrap_or(passed);
+        let ahead = self.eq.way_to_singular_pose(&way.here, self.watch.hold, 2.0 * passed, counts).unwrap_or(passed);
         let t = way.here.motion.t;
         way.detour = Some(Detour::of((t, ahead), ahead / gap, shore.h, self.watch.again));
         way.h = ahead / gap;
@@ -378,10 +381,7 @@ impl Driver<'_, '_, '_> {
     fn lost(&mut self, here: &Instant, why: &str, counts: &mut Counts) -> bool {
         let message = match self.watch.losing_rank(self.eq, here, counts) {
             None => why.to_string(),
-            Some((t, names)) => format!(
-                "near t = {t:.9} s the rows of {names} lose rank: a pose beyond which its loops or drives cannot go on, or in which two \
-                 motions meet that rounding cannot tell apart; keep the drive or the start from this pose, or take a larger rtol ({why})"
-            ),
+            Some((t, lost)) => format!("{} ({why})", lost.told(t)),
         };
         self.stop(here.motion.t, message);
         false

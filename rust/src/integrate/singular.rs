@@ -16,6 +16,8 @@ const LOOKS: usize = 4;
 const PART: f64 = 0.7;
 /// First look ahead, over the distance that the hold allows.
 const FIRST_LOOK: f64 = 0.1;
+/// A pose that seems farther than what matters by this factor is not looked for any closer.
+const FAR: f64 = 3.0;
 /// How far behind a pose drives are tried, over the time to it.
 const BEYOND: f64 = 4.0;
 /// Rows and coordinates with so large a part of the largest in what is lost are named.
@@ -37,8 +39,8 @@ impl Equations<'_, f64> {
     }
 
     /// The time from `at` to the singular pose ahead: where the hold, which falls in proportion to the distance, is nothing along the
-    /// way that the motion begins; None where it does not fall. `hold`: at `at`.
-    pub fn way_to_singular_pose(&self, at: &Instant, hold: f64, counts: &mut Counts) -> Option<f64> {
+    /// way that the motion begins; None where it does not fall, or by far not within `reach`. `hold`: at `at`.
+    pub fn way_to_singular_pose(&self, at: &Instant, hold: f64, reach: f64, counts: &mut Counts) -> Option<f64> {
         let speed = scaled_size(&at.motion.rate, &self.scales());
         if speed == 0.0 || hold == 0.0 {
             return None;
@@ -52,6 +54,9 @@ impl Equations<'_, f64> {
                 return pose;
             }
             let zero = here.0 - here.1 / slope;
+            if zero > FAR * reach {
+                return None;
+            }
             pose = Some(zero);
             here = (next, held);
             next += PART * (zero - next);
@@ -61,7 +66,7 @@ impl Equations<'_, f64> {
 
     /// Can drives go on beyond the singular pose ahead? Rows that do not move with time can; others where they can be closed there.
     pub fn goes_beyond(&self, at: &Instant, hold: f64, counts: &mut Counts) -> bool {
-        self.way_to_singular_pose(at, hold, counts).is_none_or(|ahead| {
+        self.way_to_singular_pose(at, hold, f64::INFINITY, counts).is_none_or(|ahead| {
             let mut beyond = at.motion.clone();
             beyond.t += BEYOND * ahead;
             self.close(&mut beyond, counts).is_ok()
@@ -89,25 +94,45 @@ impl Equations<'_, f64> {
         Ok(Correction { coordinates, multipliers })
     }
 
-    /// Joints and drives whose rows lose rank next to a motion, those that lose most first.
-    pub fn losing_rank(&self, m: &Motion<f64>, counts: &mut Counts) -> String {
+    /// Whose rows lose rank next to a motion.
+    pub fn losing_rank(&self, m: &Motion<f64>, counts: &mut Counts) -> LosingRank {
         let Ok(correction) = self.correction(m, counts) else {
-            return "the rows of its loops and drives".into();
+            return LosingRank { names: "its loops and drives".into(), driven: false };
         };
         let scales = self.row_scales();
         let sizes: Vec<f64> = correction.multipliers.iter().zip(&scales).map(|(l, s)| (l / s).abs()).collect();
         let most = sizes.iter().copied().fold(0.0, f64::max);
         let mut rows: Vec<usize> = (0..sizes.len()).filter(|i| sizes[*i] >= NAMED * most).collect();
-        let drives = |i: &usize| !matches!(self.topology().rows[*i].purpose, Purpose::Drive(_));
-        rows.sort_by(|i, j| drives(i).cmp(&drives(j)).then(sizes[*j].total_cmp(&sizes[*i])));
+        let drives = |i: &usize| matches!(self.topology().rows[*i].purpose, Purpose::Drive(_));
+        rows.sort_by(|i, j| drives(j).cmp(&drives(i)).then(sizes[*j].total_cmp(&sizes[*i])));
         let mut names: Vec<String> = Vec::new();
+        let driven = rows.first().is_some_and(drives);
         for row in rows {
-            let what = if drives(&row) { "" } else { "the drive " };
+            let what = if drives(&row) { "the drive " } else { "" };
             let name = format!("{what}'{}'", self.topology().row_name(row));
             if !names.contains(&name) && names.len() < MOST_NAMES {
                 names.push(name);
             }
         }
-        names.join(", ")
+        LosingRank { names: names.join(", "), driven }
+    }
+}
+
+/// Joints and drives whose rows lose rank in a pose, drives first, then those that lose most; and whether a drive is among them.
+pub struct LosingRank {
+    names: String,
+    driven: bool,
+}
+
+impl LosingRank {
+    /// What is to be said of the pose, and what to do.
+    pub fn told(&self, t: f64) -> String {
+        let what = match self.driven {
+            true => {
+                "beyond this pose the loops cannot be closed, or two motions meet in it: let the drive end before it"
+            }
+            false => "two motions meet in this pose: start elsewhere, or take a larger rtol or another method",
+        };
+        format!("near t = {t:.9} s the rows of {} lose rank; {what}", self.names)
     }
 }

@@ -3,14 +3,17 @@
 //! Two branches of the motion meet in such a pose, and both keep all constraints and the energy. Rates and accelerations far enough
 //! before and behind it tell them apart: on one branch v1 - v0 = (t1 - t0) (a0 + a1)/2 + O((t1 - t0)^3), from one branch to the other
 //! the rates turn by as much as they are. A linkage that only comes near to such a pose turns as quickly in earnest; what decides is
-//! whether rounding could have done it.
+//! whether the accelerations of the steps explain it, or rounding could have done it.
 use crate::run::Counts;
 
+use super::singular::LosingRank;
 use super::{Equations, Instant, Motion, scaled_size};
 use crate::tolerances::singular_poses::{NEAR, NOISE_OF_STEPS, TURNED, TURNED_BY_ROUNDING};
 
-/// A step may move by this part of the hold before it is looked at again: the hold cannot fall faster than the motion moves.
-const UNSEEN: f64 = 0.25;
+/// The hold falls at most so much faster than the motion moves.
+const STEEPEST: f64 = 4.0;
+/// A step may move by this part of the hold before it is looked at again.
+const UNSEEN: f64 = 0.1;
 /// Growth of the rates towards a pose that may be impossible to reach.
 const QUICK: f64 = 3.0;
 /// Part of the best hold below which two branches may be confused.
@@ -39,6 +42,8 @@ pub(super) struct Shore {
     /// the smallest hold since, and where
     least: f64,
     pose: Motion<f64>,
+    /// by a step that led across the pose
+    crossed: bool,
     /// changes of the rates that the accelerations of single steps do not explain
     unexplained: Vec<f64>,
 }
@@ -90,11 +95,8 @@ impl Watch {
 
     /// What rounding makes of rates here, where the rows hold less firmly than they have done.
     pub fn noise(&self) -> f64 {
-        if self.active && self.hold < FIRM * self.best {
-            NOISE_OF_STEPS * f64::EPSILON / (self.hold * self.hold).max(f64::MIN_POSITIVE)
-        } else {
-            0.0
-        }
+        let weak = self.active && self.hold < FIRM * self.best;
+        if weak { NOISE_OF_STEPS * f64::EPSILON / (self.hold * self.hold).max(f64::MIN_POSITIVE) } else { 0.0 }
     }
 
     /// Is such a step next to nothing beside that from the shore?
@@ -112,28 +114,36 @@ impl Watch {
 
     /// The hold at `here`, where it may be small enough for a pose within `reach`; else None.
     pub fn near(&mut self, eq: &Equations<'_, f64>, here: &Instant, reach: f64, counts: &mut Counts) -> Option<f64> {
-        if !self.active || self.hold - self.moved > reach {
+        let most = STEEPEST * reach;
+        if !self.active || self.hold - STEEPEST * self.moved > most {
             return None;
         }
         if self.moved > 0.0 {
             self.hold = eq.hold(&here.motion, counts);
             self.moved = 0.0;
         }
-        (self.hold <= reach).then_some(self.hold)
+        (self.hold <= most).then_some(self.hold)
     }
 
-    /// A step was made.
+    /// A step was made; `crossed`: it was to lead across a singular pose, so that its ends are far from it.
     pub fn see(
         &mut self,
         eq: &Equations<'_, f64>,
         (from, end): (&Instant, &Instant),
-        mark: Mark,
+        (mark, crossed): (Mark, bool),
         counts: &mut Counts,
     ) -> Seen {
         if !self.active {
             return Seen::Sound;
         }
+        if crossed && self.shore.is_none() {
+            let (instant, h) = (from.clone(), end.motion.t - from.motion.t);
+            let unexplained = vec![0.0; self.scales.len()];
+            self.shore =
+                Some(Shore { instant, mark, h, least: self.hold, pose: from.motion.clone(), crossed, unexplained });
+        }
         if let Some(shore) = &mut self.shore {
+            shore.crossed |= crossed;
             let miss = unexplained(from, end);
             shore.unexplained.iter_mut().zip(miss).for_each(|(sum, m)| *sum += m);
         }
@@ -149,8 +159,15 @@ impl Watch {
             (None, true) => {
                 let (instant, h) = (from.clone(), end.motion.t - from.motion.t);
                 let pose = end.motion.clone();
-                self.shore =
-                    Some(Shore { instant, mark, h, least: self.hold, pose, unexplained: unexplained(from, end) });
+                self.shore = Some(Shore {
+                    instant,
+                    mark,
+                    h,
+                    least: self.hold,
+                    pose,
+                    crossed,
+                    unexplained: unexplained(from, end),
+                });
             }
             (Some(shore), true) if self.hold < shore.least => {
                 shore.least = self.hold;
@@ -161,7 +178,8 @@ impl Watch {
                 }
             }
             (Some(shore), false) => {
-                if shore.least < CLOSE * self.best && shore.turned(end, &self.scales) {
+                let passed = shore.crossed || shore.least < CLOSE * self.best;
+                if passed && shore.turned(end, &self.scales) {
                     return Seen::Turned;
                 }
                 self.shore = None;
@@ -173,7 +191,12 @@ impl Watch {
     }
 
     /// The joints and drives that lose rank near `here`, None far from a singular pose.
-    pub fn losing_rank(&self, eq: &Equations<'_, f64>, here: &Instant, counts: &mut Counts) -> Option<(f64, String)> {
+    pub fn losing_rank(
+        &self,
+        eq: &Equations<'_, f64>,
+        here: &Instant,
+        counts: &mut Counts,
+    ) -> Option<(f64, LosingRank)> {
         if !self.active {
             return None;
         }

@@ -5,7 +5,7 @@ use faer::{Mat, MatRef};
 use super::pairing::{RealRoot, pair};
 use super::quality::Correction;
 use super::rigid::{general_null, no_svd, polished, rank_tolerance, symmetric_null};
-use super::state::{Candidate, Factor, back_substituted, candidates, right_vector, state_matrix};
+use super::state::{Candidate, Factor, back_substitute, candidates, right_vectors, state_matrix};
 use super::subspace::aligned;
 use super::{Raw, RawMode};
 use crate::error::Result;
@@ -42,9 +42,8 @@ pub fn solve(system: &SecondOrder, l: &Mat<f64>, counts: &mut Counts) -> Result<
         }
     }
     modes.extend((0..double.ncols()).map(|j| double_zero(&double, j, inner.has_left)));
-    for mode in &mut modes {
-        to_coordinates(mode, l);
-    }
+    let mut vectors: Vec<&mut Vec<C>> = modes.iter_mut().flat_map(RawMode::vectors).collect();
+    back_substitute(l, &mut vectors); // out of the mass-orthonormal coordinates
     Ok(Raw {
         modes,
         route: route(system, conservative),
@@ -139,14 +138,13 @@ fn conservative_modes(hat: &Hat, factor: &Factor, counts: &mut Counts) -> Result
     let n = hat.s.nrows();
     let ia = Mat::from_fn(2 * n, 2 * n, |i, j| C::new(0.0, 0.5 * (a[(i, j)] - a[(j, i)])));
     let (w, vectors) = eigen::hermitian(ia.as_ref())?;
-    Ok((0..n)
-        .map(|j| {
-            let s = C::new(0.0, -w[j]);
-            let x = right_vector(hat, factor, s, vectors.col(j));
-            let y = x.iter().map(|v| v.conj()).collect();
-            oscillation(s, x, Some(y))
-        })
-        .collect())
+    let s: Vec<C> = (0..n).map(|j| C::new(0.0, -w[j])).collect();
+    let shapes = right_vectors(hat, factor, &s, vectors.as_ref());
+    let mode = |(s, x): (C, Vec<C>)| {
+        let y = x.iter().map(|v| v.conj()).collect();
+        oscillation(s, x, Some(y))
+    };
+    Ok(s.into_iter().zip(shapes).map(mode).collect())
 }
 
 fn oscillation(s: C, x: Vec<C>, y: Option<Vec<C>>) -> RawMode {
@@ -248,15 +246,8 @@ fn real_root(hat: &Hat, s: f64, x: Vec<C>, y: Option<Vec<C>>, zero: bool) -> Rea
     RealRoot { s, sign, x, y, zero }
 }
 
-fn each_vector(mode: &mut RawMode, change: impl Fn(&mut Vec<C>)) {
-    change(&mut mode.x);
-    for v in [&mut mode.y, &mut mode.partner_x, &mut mode.partner_y].into_iter().flatten() {
-        change(v);
-    }
-}
-
 fn lift(mode: &mut RawMode, basis: MatRef<'_, f64>) {
-    each_vector(mode, |v| {
+    for v in mode.vectors() {
         let mut out = vec![C::ZERO; basis.nrows()];
         for (j, value) in v.iter().enumerate() {
             for (i, out) in out.iter_mut().enumerate() {
@@ -264,10 +255,5 @@ fn lift(mode: &mut RawMode, basis: MatRef<'_, f64>) {
             }
         }
         *v = out;
-    });
-}
-
-/// Out of the mass-orthonormal coordinates: x = L^-T x^.
-fn to_coordinates(mode: &mut RawMode, l: &Mat<f64>) {
-    each_vector(mode, |v| *v = back_substituted(l, v));
+    }
 }

@@ -112,6 +112,14 @@ pub(crate) struct RawMode {
     pub known: Option<Known>,
 }
 
+impl RawMode {
+    /// All vectors that it has.
+    fn vectors(&mut self) -> impl Iterator<Item = &mut Vec<C>> {
+        let others = [&mut self.y, &mut self.partner_x, &mut self.partner_y];
+        std::iter::once(&mut self.x).chain(others.into_iter().flatten())
+    }
+}
+
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Known {
     /// Relative error of s; of a rigid mode the root (rad/s) that rounding of the matrices may hide.

@@ -4,7 +4,7 @@
 //! its own scaling (|F| = |B| = |K|^(1/2), as the scaling of Fan, Lin and Van Dooren gives the quadratic problem), it is skew for conservative gyroscopic systems, and it leaves out one zero root for every direction without
 //! stiffness.
 use faer::prelude::*;
-use faer::{Mat, Side};
+use faer::{Mat, MatRef, Side};
 
 use super::general::Hat;
 use super::rigid::no_svd;
@@ -33,15 +33,10 @@ pub fn candidates(hat: &Hat, factor: &Factor, counts: &mut Counts) -> Result<Vec
     counts.add("general eigensolutions", 1);
     let a = state_matrix(hat, factor);
     let roots = eigen::general(&a, hat.has_left)?;
-    let forward: Vec<Candidate> = (0..roots.s.len())
-        .map(|j| {
-            let s = roots.s[j];
-            let x = right_vector(hat, factor, s, roots.right.col(j));
-            let left = |left: &Mat<C>| left_vector(hat, factor, s, left.col(j));
-            let y = roots.left.as_ref().map(left);
-            Candidate { s, x, y }
-        })
-        .collect();
+    let right = right_vectors(hat, factor, &roots.s, roots.right.as_ref());
+    let mut left = roots.left.as_ref().map(|left| left_vectors(hat, factor, &roots.s, left.as_ref()).into_iter());
+    let candidate = |(s, x): (&C, Vec<C>)| Candidate { s: *s, x, y: left.as_mut().and_then(Iterator::next) };
+    let forward: Vec<Candidate> = roots.s.iter().zip(right).map(candidate).collect();
     let smallest = roots.s.iter().fold(f64::INFINITY, |m, s| m.min(s.norm()));
     match factor {
         Factor::Cholesky { lower } if smallest < BLURRED * frobenius(a.as_ref()) => {
@@ -204,21 +199,35 @@ impl Factor {
         }
     }
 
-    /// y from F^T y = w, or None where only `other` is at hand.
-    fn left(&self, w: &[C], other: &[C], null: &Mat<f64>) -> Option<Vec<C>> {
+    /// y from F^T y = w, or `other` where nothing else is at hand.
+    fn left(&self, w: &[C], other: &[C], null: &Mat<f64>) -> Vec<C> {
         match self {
-            Factor::Cholesky { lower } => Some(back_substituted(lower, w)),
-            Factor::Split { u, sigma, .. } => Some(combined(u, sigma, w, other, null)),
-            Factor::Plain { .. } => None,
+            Factor::Cholesky { lower } => back_substituted(lower, w),
+            Factor::Split { u, sigma, .. } => combined(u, sigma, w, other, null),
+            Factor::Plain { .. } => other.to_vec(),
         }
     }
 }
 
-pub fn back_substituted(lower: &Mat<f64>, w: &[C]) -> Vec<C> {
-    let n = w.len();
-    let mut parts = Mat::from_fn(n, 2, |i, j| if j == 0 { w[i].re } else { w[i].im });
+fn back_substituted(lower: &Mat<f64>, w: &[C]) -> Vec<C> {
+    let mut x = w.to_vec();
+    back_substitute(lower, &mut [&mut x]);
+    x
+}
+
+/// L^-T of vectors, all at once.
+pub fn back_substitute(lower: &Mat<f64>, vectors: &mut [&mut Vec<C>]) {
+    let n = lower.nrows();
+    let mut parts = Mat::from_fn(n, 2 * vectors.len(), |i, j| {
+        let z = vectors[j / 2][i];
+        if j % 2 == 0 { z.re } else { z.im }
+    });
     lower.transpose().solve_upper_triangular_in_place(parts.as_mut());
-    (0..n).map(|i| C::new(parts[(i, 0)], parts[(i, 1)])).collect()
+    for (j, v) in vectors.iter_mut().enumerate() {
+        for (i, z) in v.iter_mut().enumerate() {
+            *z = C::new(parts[(i, 2 * j)], parts[(i, 2 * j + 1)]);
+        }
+    }
 }
 
 fn combined(v: &Mat<f64>, sigma: &[f64], w: &[C], other: &[C], null: &Mat<f64>) -> Vec<C> {
@@ -251,25 +260,60 @@ pub fn state_matrix(hat: &Hat, factor: &Factor) -> Mat<f64> {
 }
 
 /// The state vector holds x twice; the larger part is the accurate one.
-pub fn right_vector(hat: &Hat, factor: &Factor, s: C, z: ColRef<'_, C>) -> Vec<C> {
+pub fn right_vectors(hat: &Hat, factor: &Factor, s: &[C], z: MatRef<'_, C>) -> Vec<Vec<C>> {
     let n = hat.s.nrows();
-    let top: Vec<C> = (0..n).map(|i| z[i]).collect();
-    let bottom: Vec<C> = (n..z.nrows()).map(|i| z[i]).collect();
-    if norm(&top) >= norm(&bottom) || bottom.is_empty() {
-        return top;
-    }
-    let other: Vec<C> = if s == C::ZERO { vec![C::ZERO; n] } else { top.iter().map(|v| v / s).collect() };
-    unit(factor.right(&bottom, &other, &hat.right))
+    let part = |j: usize| {
+        let (top, bottom) = halves(z.col(j), n);
+        if norm(&top) >= norm(&bottom) || bottom.is_empty() {
+            return Part::Ready(top);
+        }
+        let other = if s[j] == C::ZERO { vec![C::ZERO; n] } else { top.iter().map(|v| v / s[j]).collect() };
+        Part::Behind { factor: bottom, other }
+    };
+    ahead((0..s.len()).map(part).collect(), factor, |w, other| factor.right(w, other, &hat.right))
 }
 
-fn left_vector(hat: &Hat, factor: &Factor, s: C, z: ColRef<'_, C>) -> Vec<C> {
+fn left_vectors(hat: &Hat, factor: &Factor, s: &[C], z: MatRef<'_, C>) -> Vec<Vec<C>> {
     let n = hat.s.nrows();
-    let top: Vec<C> = (0..n).map(|i| z[i]).collect();
-    let bottom: Vec<C> = (n..z.nrows()).map(|i| -s * z[i]).collect();
-    if s.norm() * norm(&top) >= norm(&bottom) {
-        return top;
+    let part = |j: usize| {
+        let (top, mut bottom) = halves(z.col(j), n);
+        bottom.iter_mut().for_each(|v| *v *= -s[j]);
+        if matches!(factor, Factor::Plain { .. }) || s[j].norm() * norm(&top) >= norm(&bottom) {
+            return Part::Ready(top);
+        }
+        Part::Behind { factor: bottom, other: top }
+    };
+    ahead((0..s.len()).map(part).collect(), factor, |w, other| factor.left(w, other, &hat.left))
+}
+
+/// A vector, or its product with a factor of the stiffness and what the other half of the state tells of it.
+enum Part {
+    Ready(Vec<C>),
+    Behind { factor: Vec<C>, other: Vec<C> },
+}
+
+/// All vectors, of those behind a factor units; a triangular one serves all at once.
+fn ahead(parts: Vec<Part>, factor: &Factor, single: impl Fn(&[C], &[C]) -> Vec<C>) -> Vec<Vec<C>> {
+    let mut behind = Vec::new();
+    let mut out: Vec<Vec<C>> = Vec::with_capacity(parts.len());
+    for part in parts {
+        match (part, factor) {
+            (Part::Ready(x), _) => out.push(x),
+            (Part::Behind { factor: w, .. }, Factor::Cholesky { .. }) => {
+                behind.push(out.len());
+                out.push(w);
+            }
+            (Part::Behind { factor: w, other }, _) => out.push(unit(single(&w, &other))),
+        }
     }
-    factor.left(&bottom, &top, &hat.left).map_or(top, unit)
+    if let Factor::Cholesky { lower } = factor {
+        let mut is_behind = behind.into_iter().peekable();
+        let chosen = |(j, _): &(usize, &mut Vec<C>)| is_behind.next_if_eq(j).is_some();
+        let mut vectors: Vec<&mut Vec<C>> = out.iter_mut().enumerate().filter(chosen).map(|(_, v)| v).collect();
+        back_substitute(lower, &mut vectors);
+        vectors.into_iter().for_each(|v| *v = unit(std::mem::take(v)));
+    }
+    out
 }
 
 fn norm(v: &[C]) -> f64 {
