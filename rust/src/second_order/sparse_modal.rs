@@ -160,8 +160,14 @@ fn every(pencil: &impl Pencil, op: &ShiftInvert<'_>, wanted: usize) -> Result<(V
     }
     order.truncate(wanted);
     let value: Vec<f64> = order.iter().map(|k| eigen.S()[*k]).collect();
-    let chosen = Mat::from_fn(b.nrows(), wanted, |i, j| eigen.U()[(i, order[j])] / value[j]);
-    Ok((value, x * chosen))
+    let chosen = Mat::from_fn(b.nrows(), wanted, |i, j| eigen.U()[(i, order[j])]);
+    let mut shape = &pseudo_inverse * &chosen;
+    if l.ncols() < n {
+        // coordinates without mass follow the others
+        let whole = &x * Mat::from_fn(b.nrows(), wanted, |i, j| chosen[(i, j)] / value[j]);
+        shape += &whole - &pseudo_inverse * (l.transpose() * &whole);
+    }
+    Ok((value, shape))
 }
 
 /// L and the transpose of its pseudo-inverse for M = L L^T, M semidefinite: the inertia of a rod about its own axis is zero or rounding.
