@@ -352,10 +352,10 @@ class HbmProblem:
         self,
         y: NDArray[np.float64],
         omega: list[float],
-        level: float = 1.0,
         *,
         tolerance: float,
         max_iterations: int,
+        ramp: bool = True,
     ) -> dict[str, Any]: ...
     def cycle(self, z: NDArray[np.float64], *, tolerance: float, max_iterations: int) -> dict[str, Any]: ...
     def floquet(

@@ -1,5 +1,6 @@
 """What cannot be had is said, and what is had is kept."""
 
+import re
 from time import perf_counter
 
 import numpy as np
@@ -48,7 +49,9 @@ def test_a_first_point_among_hard_stops_is_found_or_refused():
         try:
             found[omega] = harmonic_balance(system, force=[2.0], omega=omega, harmonics=list(range(1, 32, 2)))
         except ConvergenceError as reason:
-            assert "start nearer (x0=)" in str(reason) and reason.result.status == "stopped"
+            # the remedy is a number of harmonics where the motion in time repeats itself
+            assert re.search(r"take harmonics=\d+|start nearer \(x0=\)", str(reason))
+            assert reason.result.status == "stopped"
     assert 0.5 in found and 0.8 in found
     for omega, one in found.items():
         # what is called converged is: the largest displacement is that of the motion in time, within the estimate

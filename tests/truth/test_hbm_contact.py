@@ -125,3 +125,16 @@ def test_folds_are_those_of_the_exact_motion(stiffness, top, ends):
         off = abs(exact.fold(z, tangent)[3] / event.omega - 1)
         print(f"H = {top}: {event}, off by {off:.1e}, stated {error:.1e}")
         assert off <= error
+
+
+@pytest.mark.slow
+def test_first_points_of_motions_with_many_impacts():
+    """Pressed on a stop for most of the time: the harmonics that are too few are refused with a number that suffices."""
+    system = mb.MechanicalSystem([[1.0]], [[0.1]], [[1.0]], elements=[mb.Gap(1e3, 1.0, bilateral=True, w=[1.0])])
+    with pytest.raises(mb.errors.ConvergenceError, match="take harmonics=") as refused:
+        mb.harmonic_balance(system, force=[2.0], omega=0.2, harmonics=31)
+    top = int(str(refused.value).rpartition("=")[2])
+    found = mb.harmonic_balance(system, force=[2.0], omega=0.2, harmonics=top)
+    assert found.status == "converged" and found.verify() < 0.02
+    # the quasi-static part: force over the stiffness of spring and stop
+    assert found.largest() == pytest.approx(1.0, abs=0.1)

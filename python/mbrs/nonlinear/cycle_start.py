@@ -119,7 +119,7 @@ def by_integration(system: Any, force: Any, cycles: int = 12) -> Start | None:
     fastest = int(np.argmax(s.real))
     if s[fastest].real <= 0:
         return None
-    rate = _Bounded(verify.first_order(system, force, 1.0))
+    rate = Bounded(verify.first_order(system, force, 1.0))
     scale = max(float(np.max(np.abs(rest))), 1.0)
     state = np.concatenate([rest, np.zeros(n)]) + 1e-2 * scale * shapes[:, fastest].real
     length = cycles * 2 * np.pi / max(abs(s[fastest]), 1e-12)
@@ -135,15 +135,15 @@ def by_integration(system: Any, force: Any, cycles: int = 12) -> Start | None:
                 if found is not None:
                     return found
             length *= 1.5
-    except _TooLong:
+    except TooLong:
         return None
 
 
-class _TooLong(Exception):
+class TooLong(Exception):
     """The search has used up its evaluations."""
 
 
-class _Bounded:
+class Bounded:
     """A right-hand side that counts how often it is evaluated."""
 
     def __init__(self, rate: Any) -> None:
@@ -152,7 +152,7 @@ class _Bounded:
     def __call__(self, t: float, y: np.ndarray) -> np.ndarray:
         self.count += 1
         if self.count > MOST_EVALUATIONS:
-            raise _TooLong
+            raise TooLong
         return np.asarray(self.rate(t, y))
 
 

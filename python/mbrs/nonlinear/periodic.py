@@ -17,6 +17,7 @@ from .displacement import displacement_coefficients, label
 from .fourier import FourierMotion
 from .options import MOST_HARMONICS, Fourier, Newton
 from .sampled_force import cut, harmonics_of, linear_size
+from .settled_start import settled
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -395,9 +396,15 @@ def first_solution(
     """The core's answer from a guess or from rest; where it fails, with harmonics that grow and with more samples: too few
     make the equations of a stiff contact rough."""
     laws = balance.checked_system(system)
-    smooth = fourier.n_samples is not None or all(law.kind.polynomial for law in laws)
+    smooth = fourier.n_samples is not None or all(balance.without_samples(law) for law in laws)
+    polynomial, top = all(law.kind.polynomial for law in laws), 0
     for least in (0,) if smooth else (0, balance.MOST_SAMPLES // 8, balance.MOST_SAMPLES // 2):
         setup = balance.prepare(system, force, fourier, omega, least_samples=least)
+        if not (polynomial or least or x0 is not None):
+            seen = _from_motion(setup, omega, newton)
+            if seen is not None and seen["converged"]:
+                return setup, seen
+            top = 0 if seen is None else seen["top"]
         answer = balance.call_core(setup.core.solve, setup.start(x0), [omega], **newton.core)
         if not answer["converged"] and x0 is None:
             guess = _ramped_start(system, force, omega, fourier, newton, least)
@@ -405,7 +412,21 @@ def first_solution(
                 answer = balance.call_core(setup.core.solve, setup.start(guess), [omega], **newton.core)
         if answer["converged"] or answer["broken"] is not None:
             break
-    return setup, answer
+    return setup, {**answer, "top": top}
+
+
+def _from_motion(setup: balance.Setup, omega: float, newton: Newton) -> dict[str, Any] | None:
+    """The core's answer from rest, or from what a motion settles to; ``top`` are the harmonics that such a motion needs where it
+    is periodic and the answer has too few of them, else 0."""
+    answer = balance.call_core(setup.core.solve, setup.start(None), [omega], ramp=False, **newton.core)
+    if answer["converged"] or answer["broken"] is not None:
+        return {**answer, "top": 0}
+    guess = settled(setup.system, setup.force, omega, setup.fourier)
+    if guess is None:
+        return None
+    answer = balance.call_core(setup.core.solve, setup.start(guess.X), [omega], ramp=False, **newton.core)
+    lacking = guess.repeats and guess.top > setup.harmonics[-1]
+    return {**answer, "top": guess.top if lacking and not answer["converged"] else 0}
 
 
 def _ramped_start(
@@ -474,6 +495,9 @@ def _failure(system: Any, answer: dict[str, Any], result: PeriodicSolution | Non
     elif "singular" in answer["reason"] and loose:
         text = f"harmonic balance did not converge: the equations are singular, nothing restrains {loose}"
         advice = "restrain it, or drive or remove its joint"
+    elif answer.get("top"):
+        text = f"harmonic balance did not converge: {answer['reason']} after {answer['iterations']} iterations"
+        advice = f"the motion that begins at rest settles to one with harmonics up to {answer['top']}: take harmonics={answer['top']}"
     else:
         text = f"harmonic balance did not converge: {answer['reason']} after {answer['iterations']} iterations"
         advice = "start nearer (x0=), raise the force in steps, or follow the branch with frequency_response"

@@ -1,11 +1,11 @@
 //! Exact condensation onto a few retained coordinates r: S = Z_rr - Z_rl Z_ll^-1 Z_lr by one sparse factorisation per harmonic.
 use std::sync::Arc;
 
-use faer::{Mat, Scale};
+use faer::Mat;
 use num_complex::Complex64 as c64;
 
 use super::factor::{Factor, Ldl, Pattern};
-use super::linear::{Block, DynamicStiffness, Expansion, Forces, Matrices, STABILITY_COORDINATES, reordered};
+use super::linear::{Block, DynamicStiffness, Forces, Matrices, STABILITY_COORDINATES, reordered};
 use super::refined::Solution;
 use crate::error::{Error, Result};
 use crate::tolerances::matrices::SAME_ENTRY;
@@ -30,10 +30,6 @@ impl Entry {
 
     fn z_slope(&self, w: f64) -> c64 {
         c64::new(-2.0 * w * self.m, self.c)
-    }
-
-    fn z_bend(&self) -> c64 {
-        c64::new(-2.0 * self.m, 0.0)
     }
 
     /// Sum of the absolute terms of z.
@@ -125,35 +121,36 @@ impl Split {
     }
 
     /// S = L^T Z R with R = [1; -Z_ll^-1 Z_lr] and L the same of Z^T, its slope L^T Z' R, and the sizes of its terms.
-    fn fill(&self, w: f64, right: &Mat<c64>, left: &Mat<c64>, out: &mut Expansion) {
+    fn fill(&self, w: f64, right: &Mat<c64>, left: &Mat<c64>, out: &mut Block) {
         let n_r = self.retained.len();
         let pushed = self.pushed(w, right);
+        out.s_growth.resize(n_r * n_r, 0.0);
+        let mut sizes = vec![0.0; self.local.len()];
         for j in 0..n_r {
             let x = right.col_as_slice(j);
-            let mut sizes = vec![0.0; self.local.len()];
+            sizes.fill(0.0);
             for e in &self.ll {
                 sizes[e.row] += e.size(w) * x[e.column].l1_norm();
             }
             for i in 0..n_r {
                 let (at, l) = (i * n_r + j, left.col_as_slice(i));
-                out.at.s_slope[at] = inner(l, pushed.col_as_slice(j));
+                out.s[at] = c64::new(0.0, 0.0);
+                out.s_slope[at] = inner(l, pushed.col_as_slice(j));
                 out.s_growth[at] = l.iter().zip(&sizes).map(|(l, s)| l.l1_norm() * s).sum();
-                (out.at.s[at], out.s_size[at]) = (c64::new(0.0, 0.0), 0.0);
             }
             for e in &self.rl {
                 let at = e.row * n_r + j;
-                out.at.s[at] += e.z(w) * x[e.column];
-                out.at.s_slope[at] += e.z_slope(w) * x[e.column];
-                out.s_size[at] += e.size(w) * x[e.column].l1_norm();
+                out.s[at] += e.z(w) * x[e.column];
+                out.s_slope[at] += e.z_slope(w) * x[e.column];
+                out.s_growth[at] += e.size(w) * x[e.column].l1_norm();
             }
         }
         for e in &self.rr {
             let at = e.row * n_r + e.column;
-            out.at.s[at] += e.z(w);
-            out.at.s_slope[at] += e.z_slope(w);
-            out.s_size[at] += e.size(w);
+            out.s[at] += e.z(w);
+            out.s_slope[at] += e.z_slope(w);
+            out.s_growth[at] += e.size(w);
         }
-        out.s_growth.iter_mut().zip(&out.s_size).for_each(|(growth, size)| *growth += size);
     }
 
     /// (Z' R)_l
@@ -173,29 +170,6 @@ impl Split {
             for e in &self.ll {
                 out[e.row] += a(e) * x[e.column];
             }
-        }
-    }
-
-    /// S'' = L^T Z'' R + 2 L^T Z' [0; R_l'], given R_l'.
-    fn bend(&self, w: f64, right: &Mat<c64>, left: &Mat<c64>, turn: &Mat<c64>, out: &mut Expansion) {
-        let n_r = self.retained.len();
-        let mut pushed = Mat::zeros(right.nrows(), n_r);
-        for e in &self.lr {
-            pushed[(e.row, e.column)] += e.z_bend();
-        }
-        self.add_local(Entry::z_bend, right, &mut pushed);
-        self.add_local(|e| 2.0 * e.z_slope(w), turn, &mut pushed);
-        for j in 0..n_r {
-            for i in 0..n_r {
-                out.s_bend[i * n_r + j] = inner(left.col_as_slice(i), pushed.col_as_slice(j));
-            }
-            let (x, dx) = (right.col_as_slice(j), turn.col_as_slice(j));
-            for e in &self.rl {
-                out.s_bend[e.row * n_r + j] += e.z_bend() * x[e.column] + 2.0 * e.z_slope(w) * dx[e.column];
-            }
-        }
-        for e in &self.rr {
-            out.s_bend[e.row * n_r + e.column] += e.z_bend();
         }
     }
 
@@ -261,13 +235,6 @@ impl Condensed {
         (right, Some(left))
     }
 
-    /// R_l' = -Z_ll^-1 (Z' R)_l
-    fn turn(&mut self, w: f64, right: &Mat<c64>) -> Mat<c64> {
-        let mut turn = self.split.pushed(w, right) * Scale(c64::new(-1.0, 0.0));
-        self.factor.solve(&mut turn, false);
-        turn
-    }
-
     /// -Z_ll^-1 Z_lr and S with what rounding had taken from them; `scale` are the sizes of the entries of S that matter.
     fn refined(
         &mut self,
@@ -301,57 +268,43 @@ impl Condensed {
         )))
     }
 
-    /// S with its first two derivatives, refined where rounding is felt in one of its entries.
-    fn expand_stiffness(&mut self, w: f64, out: &mut Expansion) -> Result<Mat<c64>> {
+    /// S and its slope, refined where rounding is felt in one of its entries; L_l comes back.
+    fn condense(&mut self, w: f64, out: &mut Block) -> Result<Mat<c64>> {
         self.factorise(w)?;
         let (mut right, left) = self.influence(w);
         let split = self.split.clone();
         split.fill(w, &right, left.as_ref().unwrap_or(&right), out);
-        let scale = natural_sizes(w, &out.at);
+        let scale = natural_sizes(w, out);
         if out.s_growth.iter().zip(&scale).any(|(growth, scale)| f64::EPSILON * growth > FELT * scale) {
             let (x, s) = self.refined(w, right, left.as_ref(), &scale, &out.s_growth)?;
             right = x;
             split.fill(w, &right, left.as_ref().unwrap_or(&right), out);
-            out.at.s = s;
+            out.s = s;
             // what is refined has no other rounding than that of its value
-            out.s_size.clone_from(&scale);
-            out.s_growth.clone_from(&scale);
+            out.s_growth = scale;
         }
-        let turn = self.turn(w, &right);
-        split.bend(w, &right, left.as_ref().unwrap_or(&right), &turn, out);
         Ok(left.unwrap_or(right))
     }
 
-    /// The force on the retained coordinates with its first two derivatives, given L_l.
-    fn expand_force(&mut self, w: f64, force: &[c64], left: &Mat<c64>, out: &mut Expansion) {
+    /// The force on the retained coordinates and its slope, given L_l.
+    fn condense_force(&mut self, w: f64, force: &[c64], left: &Mat<c64>, out: &mut Block) {
         let split = self.split.clone();
         for (i, old) in split.retained.iter().enumerate() {
-            out.at.force[i] = force[*old];
-            out.force_size[i] = force[*old].l1_norm();
+            out.force[i] = force[*old];
         }
         if split.local.iter().all(|old| force[*old] == c64::new(0.0, 0.0)) {
             return;
         }
         let v = self.particular(force);
-        let mut first = Mat::zeros(v.nrows(), 1);
-        split.add_local(|e| -e.z_slope(w), &v, &mut first);
-        let mut dv = first.clone();
-        self.factor.solve(&mut dv, false);
-        let mut second = Mat::zeros(v.nrows(), 1);
-        split.add_local(|e| -e.z_bend(), &v, &mut second);
-        split.add_local(|e| -2.0 * e.z_slope(w), &dv, &mut second);
+        let mut pushed = Mat::zeros(v.nrows(), 1);
+        split.add_local(|e| -e.z_slope(w), &v, &mut pushed);
         for i in 0..split.retained.len() {
             let l = left.col_as_slice(i);
-            for (l, old) in l.iter().zip(&split.local) {
-                out.at.force[i] += l * force[*old];
-                out.force_size[i] += l.l1_norm() * force[*old].l1_norm();
-            }
-            out.at.force_slope[i] += inner(l, first.col_as_slice(0));
-            out.force_bend[i] += inner(l, second.col_as_slice(0));
+            out.force[i] += l.iter().zip(&split.local).map(|(l, old)| l * force[*old]).sum::<c64>();
+            out.force_slope[i] += inner(l, pushed.col_as_slice(0));
         }
         for e in &split.rl {
-            out.at.force_slope[e.row] -= e.z_slope(w) * v[(e.column, 0)];
-            out.force_bend[e.row] -= e.z_bend() * v[(e.column, 0)] + 2.0 * e.z_slope(w) * dv[(e.column, 0)];
+            out.force_slope[e.row] -= e.z_slope(w) * v[(e.column, 0)];
         }
     }
 
@@ -389,22 +342,14 @@ impl DynamicStiffness for Condensed {
     }
 
     fn evaluate(&mut self, w: f64, term: usize, block: &mut Block) -> Result<()> {
-        if let Some(expansion) = self.expansion(w, term)? {
-            block.clone_from(&expansion.at);
-        }
-        Ok(())
-    }
-
-    fn expansion(&mut self, w: f64, term: usize) -> Result<Option<Expansion>> {
-        let mut out = Expansion::new(self.split.retained.len());
-        out.w = w;
-        let left = self.expand_stiffness(w, &mut out)?;
+        let left = self.condense(w, block)?;
+        block.force.fill(c64::new(0.0, 0.0));
+        block.force_slope.fill(c64::new(0.0, 0.0));
         let forces = self.split.forces.clone();
         if let Some(force) = forces.get(term).and_then(Option::as_ref) {
-            self.expand_force(w, force, &left, &mut out);
+            self.condense_force(w, force, &left, block);
         }
-        finite(&out.at, w)?;
-        Ok(Some(out))
+        finite(block, w)
     }
 
     fn expand(&mut self, w: f64, term: usize, factor: f64, y: &[c64], x: &mut [c64]) -> Result<()> {

@@ -261,7 +261,9 @@ impl Ldl {
         for (i, place) in self.place.iter().enumerate() {
             y[*place] = x[i];
         }
-        for j in 0..self.n {
+        // what comes before the first entry stays zero
+        let first = y.iter().position(|y| *y != c64::new(0.0, 0.0)).unwrap_or(self.n);
+        for j in first..self.n {
             let y_j = y[j];
             let part = self.l_start[j]..self.l_start[j + 1];
             for (l, row) in self.l[part.clone()].iter().zip(&self.l_row[part]) {

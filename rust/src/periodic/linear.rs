@@ -5,7 +5,6 @@ use faer::Mat;
 use num_complex::Complex64 as c64;
 
 use crate::error::Result;
-use crate::tolerances::periodic::HIDDEN;
 
 /// Largest condensed system that carries its own matrices for stability; larger ones need a reduced model.
 pub const STABILITY_COORDINATES: usize = 64;
@@ -17,61 +16,21 @@ pub struct Block {
     pub s_slope: Vec<c64>,
     pub force: Vec<c64>,
     pub force_slope: Vec<c64>,
+    /// sums of the absolute terms of the entries of S with the growth of the factorisation, to which their rounding is in proportion;
+    /// empty where S is a plain sum
+    pub s_growth: Vec<f64>,
 }
 
 impl Block {
     pub fn new(n: usize) -> Block {
         let zero = c64::new(0.0, 0.0);
-        Block { s: vec![zero; n * n], s_slope: vec![zero; n * n], force: vec![zero; n], force_slope: vec![zero; n] }
-    }
-}
-
-/// S and the force of one term as quadratic functions of the frequency around the one at which they were factorised.
-#[derive(Debug, Clone)]
-pub struct Expansion {
-    pub w: f64,
-    pub at: Block,
-    pub s_bend: Vec<c64>,
-    pub force_bend: Vec<c64>,
-    /// sums of the absolute terms of the entries of S and of the force: a change of an ulp of these is their rounding
-    pub s_size: Vec<f64>,
-    pub force_size: Vec<f64>,
-    /// the same for the entries of S with the growth of the factorisation
-    pub s_growth: Vec<f64>,
-}
-
-impl Expansion {
-    pub fn new(n: usize) -> Expansion {
-        let zero = c64::new(0.0, 0.0);
-        Expansion {
-            w: f64::NAN,
-            at: Block::new(n),
-            s_bend: vec![zero; n * n],
-            force_bend: vec![zero; n],
-            s_size: vec![0.0; n * n],
-            force_size: vec![0.0; n],
-            s_growth: vec![0.0; n * n],
+        Block {
+            s: vec![zero; n * n],
+            s_slope: vec![zero; n * n],
+            force: vec![zero; n],
+            force_slope: vec![zero; n],
+            s_growth: Vec::new(),
         }
-    }
-
-    /// Whether at the frequency w the term of second order hides in the rounding of every single entry.
-    pub fn reaches(&self, w: f64) -> bool {
-        let half = 0.5 * (w - self.w).powi(2);
-        let hides = |(bend, size): (&c64, &f64)| bend.norm() * half <= HIDDEN * size;
-        self.s_bend.iter().zip(&self.s_size).all(hides) && self.force_bend.iter().zip(&self.force_size).all(hides)
-    }
-
-    /// S, the force and their slopes at the frequency w.
-    pub fn fill(&self, w: f64, block: &mut Block) {
-        let d = w - self.w;
-        let moved = |value: &mut [c64], slope: &mut [c64], at: (&[c64], &[c64], &[c64])| {
-            for i in 0..value.len() {
-                value[i] = at.0[i] + (at.1[i] + at.2[i] * (0.5 * d)) * d;
-                slope[i] = at.1[i] + at.2[i] * d;
-            }
-        };
-        moved(&mut block.s, &mut block.s_slope, (&self.at.s, &self.at.s_slope, &self.s_bend));
-        moved(&mut block.force, &mut block.force_slope, (&self.at.force, &self.at.force_slope, &self.force_bend));
     }
 }
 
@@ -86,13 +45,8 @@ pub trait DynamicStiffness: Send {
     fn full_size(&self) -> usize;
     /// Fills `block` at the circular frequency w, with the force of this term.
     fn evaluate(&mut self, w: f64, term: usize, block: &mut Block) -> Result<()>;
-    /// As `evaluate`, with what extrapolation to neighbouring frequencies needs; None where evaluation costs so little that S is
-    /// always evaluated.
-    fn expansion(&mut self, _w: f64, _term: usize) -> Result<Option<Expansion>> {
-        Ok(None)
-    }
     /// Sums of the absolute terms of the entries of S at the frequency w, with the growth of a division: an ulp of these is their
-    /// rounding. Of forms that are factorised the `expansion` has them.
+    /// rounding. Of forms that are factorised the block has them.
     fn sizes(&self, _w: f64, out: &mut [f64]) {
         out.fill(0.0);
     }

@@ -141,7 +141,7 @@ impl Problem {
         self.n
     }
 
-    /// Blocks of all terms, as they were evaluated or extrapolated last.
+    /// Blocks of all terms, as they were evaluated last.
     pub fn blocks(&self) -> &[Block] {
         &self.blocks.each
     }
@@ -149,13 +149,13 @@ impl Problem {
     /// Per term the sums of absolute terms, with the growth of a factorisation, to which the rounding of the entries of S is in
     /// proportion.
     pub fn entry_sizes(&self) -> Vec<Vec<f64>> {
-        let size = |(j, w): (usize, f64)| match self.blocks.growth(j) {
-            Some(growth) => growth.to_vec(),
-            None => {
-                let mut out = vec![0.0; self.n * self.n];
+        let size = |(j, w): (usize, f64)| {
+            let mut out = self.blocks.each[j].s_growth.clone();
+            if out.is_empty() {
+                out.resize(self.n * self.n, 0.0);
                 self.linear.sizes(w, &mut out);
-                out
             }
+            out
         };
         self.all_frequencies().into_iter().enumerate().map(size).collect()
     }
@@ -253,17 +253,8 @@ impl Problem {
         (self.ramp * level, slope)
     }
 
-    /// The blocks at the present frequencies, evaluated there and nowhere near.
-    pub fn renew_blocks(&mut self) -> Result<()> {
-        for (j, w) in self.all_frequencies().into_iter().enumerate() {
-            let evaluated = self.blocks.renew(self.linear.as_mut(), j, w)?;
-            self.factorisations += u64::from(evaluated);
-        }
-        Ok(())
-    }
-
-    /// The blocks depend on frequencies alone, and those often stay, or move less than rounding lets them be told apart.
-    fn update_blocks(&mut self) -> Result<()> {
+    /// The blocks at the present frequencies, on which alone they depend.
+    pub fn update_blocks(&mut self) -> Result<()> {
         for (j, w) in self.all_frequencies().into_iter().enumerate() {
             let computed = self.blocks.update(self.linear.as_mut(), j, w)?;
             self.factorisations += u64::from(computed);
@@ -483,7 +474,6 @@ impl Curve for Problem {
 
     fn row_excess(&mut self, y: &[f64], parameter: f64, tolerance: f64) -> Result<f64> {
         self.set_parameter(parameter)?;
-        self.renew_blocks()?;
         let mut out = Linearisation::without_jacobian(y.len());
         self.run(y, &mut out, Want::Force)?;
         let sizes = rows::sizes(self, y);

@@ -196,7 +196,7 @@ impl Follower {
     fn record(&mut self) -> Result<()> {
         let point = self.branch.point().clone();
         self.problem.set_parameter(point.p())?;
-        self.problem.renew_blocks()?;
+        self.problem.update_blocks()?;
         let estimate = self.estimator.estimate(&self.problem, point.y())?;
         let floquet = match self.stability.as_mut() {
             Some(stability) => {

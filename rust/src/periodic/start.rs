@@ -10,8 +10,15 @@ use crate::tolerances::periodic::{FIRST_STEP, LEAST_STEP};
 
 const RAMP_STEPS: usize = 2000;
 
-/// Solves at the present frequencies and level; y is guess and answer.
-pub fn solve(problem: &mut Problem, y: &mut [f64], options: Options, cancel: &Cancel) -> Result<Outcome> {
+/// Solves at the present frequencies and level; y is guess and answer. `ramp_forces`: where the guess leads nowhere they are raised from
+/// zero, which takes long where the equations are rough.
+pub fn solve(
+    problem: &mut Problem,
+    y: &mut [f64],
+    options: Options,
+    ramp_forces: bool,
+    cancel: &Cancel,
+) -> Result<Outcome> {
     let parameter = problem.parameter;
     problem.parameter = Parameter::Ramp;
     let mut out = Linearisation::new(problem.size());
@@ -31,7 +38,7 @@ pub fn solve(problem: &mut Problem, y: &mut [f64], options: Options, cancel: &Ca
             }
         }
     }
-    if !outcome.converged && problem.broken.is_none() {
+    if !outcome.converged && ramp_forces && problem.broken.is_none() {
         let reached = std::mem::replace(&mut outcome, ramp(problem, y, options, cancel)?);
         if !outcome.converged {
             // the point that Newton's method reached is nearer to what was asked than a ramp that stopped half way

@@ -263,27 +263,27 @@ impl HbmProblem {
         Ok(Tangent { residual: Vector(out.residual), jacobian: Dense(out.jacobian), slope: Vector(out.slope) })
     }
 
-    /// One solution, started at y.
-    #[pyo3(signature = (y, omega, level=1.0, *, tolerance, max_iterations))]
+    /// One solution, started at y; where that fails and `ramp`, by raising the forces from zero.
+    #[pyo3(signature = (y, omega, *, tolerance, max_iterations, ramp=true))]
     fn solve(
         &self,
         py: Python<'_>,
         y: PyReadonlyArray1<'_, f64>,
         omega: Vec<f64>,
-        level: f64,
         tolerance: f64,
         max_iterations: usize,
+        ramp: bool,
     ) -> PyResult<Solved> {
         let mut y = y.as_slice()?.to_vec();
-        drop(self.at(&omega, y.len(), level)?);
+        drop(self.at(&omega, y.len(), 1.0)?);
         let (mut problem, finer) = (self.separate()?, self.finer.clone());
         let options = Options { tolerance, max_iterations };
         interruptible(py, move |cancel| {
             problem.omega = omega;
-            problem.level = level;
+            problem.level = 1.0;
             problem.evaluations = 0;
             problem.ever_broken = None;
-            let outcome = start::solve(&mut problem, &mut y, options, cancel)?;
+            let outcome = start::solve(&mut problem, &mut y, options, ramp, cancel)?;
             let estimate = Estimator::new(&problem, &finer)?.estimate(&problem, &y)?;
             let all = problem.expand(&y)?;
             Ok(Solved {

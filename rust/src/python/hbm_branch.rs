@@ -198,7 +198,7 @@ impl HbmBranch {
 /// The first point, found from the guess y.
 fn first(problem: &mut Problem, y: &mut [f64], tolerance: f64, cancel: &Cancel) -> Result<()> {
     let newton = newton::Options { tolerance, max_iterations: 60 };
-    let outcome = start::solve(problem, y, newton, cancel)?;
+    let outcome = start::solve(problem, y, newton, true, cancel)?;
     if outcome.converged {
         return Ok(());
     }

@@ -4,12 +4,6 @@
 /// rest are not measured. Smaller: what vanishes by symmetry measures steps by rounding. Not scanned.
 pub const LEAST_SCALE: f64 = 1e-6;
 
-/// Part of the sum of the absolute terms of an entry of the condensed dynamic stiffness within which a change hides in the entry's
-/// own rounding: two units in the last place. Free of units. Too large: S is extrapolated where it has visibly changed, and Newton's
-/// method goes to the wrong place before the accepted residual stops it; too small: one factorisation more per correction.
-/// Pinned by tests/truth/test_frequency_blocks.py.
-pub const HIDDEN: f64 = 2.0 * f64::EPSILON;
-
 /// Part of the natural size of an entry of the condensed dynamic stiffness that rounding of a factorisation may change, by its
 /// bound, before the entry is refined. Free of units. Too large: curves of finely divided structures carry the rounding; too small:
 /// refinements that change nothing. Pinned by tests/nonlinear/test_hbm_rounding.py.
