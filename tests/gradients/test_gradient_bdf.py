@@ -209,11 +209,11 @@ def test_given_times_beside_a_break():
 def test_a_step_that_counts_on_a_history_that_is_not_there_says_so():
     m = silent(pushed)
     x = np.array(Snapshot.of(m).tables["x"], dtype=float)
-    start = x[np.argmin(np.abs(x - 0.2137))]
+    start = float(x[np.argmin(np.abs(x - 0.2137))])
     run = replace(run_of(m, x, "bdf", BDF_TIMES), times=np.array([0.0, 0.1, start, 0.3]))
     for orders, text in (
         ((1, 1, -1), "from t = 0 s"),
-        ((-1, 1, 1), r"from t = 0\.2137"),
+        ((-1, 1, 1), rf"from t = {start!r} s".replace(".", r"\.")),
         ((-1, 1), "2 orders for 3"),
     ):
         with pytest.raises(mb.errors.ModelError, match=text):
