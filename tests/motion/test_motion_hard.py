@@ -46,7 +46,7 @@ PASSED = {
 @pytest.mark.exact
 @pytest.mark.parametrize("method", PASSED)
 @pytest.mark.parametrize(
-    ("n", "speed"), [(1, 1.0), (1, 2.0), (1, 5.0), (3, 1.0), pytest.param(3, 2.0, marks=pytest.mark.slow)]
+    ("n", "speed"), [(1, 1.0), (1, 2.0), (1, 5.0), *(pytest.param(3, v, marks=pytest.mark.slow) for v in (1.0, 2.0))]
 )
 def test_passing_the_singular_pose_of_the_parallelogram(n, speed, method):
     """All links align twice per turn, where loops lose rank; the branch of the parallelogram has to be kept."""
