@@ -9,19 +9,17 @@ optimisation, since evaluations are counted and not timed: half an hour. ``--wri
 from __future__ import annotations
 
 import json
-import os
 import shutil
 import subprocess
 import sys
-import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from bdf_bfgs import CONTROLLED, ROOT, SCENES, evaluations, put
+from core_copies import built, copied
 
 STEPS, SOLVER = "rust/src/tolerances/steps.rs", "rust/src/integrate/bdf/inverse_updates.rs"
-COPIED = ("rust", "python", "tests", "benches", "Cargo.toml", "Cargo.lock", "README.md", "pyproject.toml")
 
 
 @dataclass(frozen=True)
@@ -78,14 +76,8 @@ LEVERS: dict[str, tuple[Change, ...]] = {
 
 def counted(copy: Path) -> dict[str, list[float | None]]:
     """Evaluations by scene and method of a core built from ``copy``."""
-    build = ["cargo", "build", "--lib", "--features", "python"]
-    environment = os.environ | {"PYO3_BUILD_EXTENSION_MODULE": "1"}
-    subprocess.run(build, cwd=copy, env=environment, check=True, capture_output=True)
-    target = Path(os.environ.get("CARGO_TARGET_DIR", copy / "target"))
-    shutil.copy(target / "debug" / "libmbrs.so", copy / "python" / "mbrs" / "_core.abi3.so")
     command = [sys.executable, "benches/bdf_bfgs_levers.py", "--count"]
-    environment = os.environ | {"PYTHONPATH": str(copy / "python")}
-    done = subprocess.run(command, cwd=copy, env=environment, check=True, capture_output=True, text=True)
+    done = subprocess.run(command, cwd=copy, env=built(copy), check=True, capture_output=True, text=True)
     found: dict[str, list[float | None]] = json.loads(done.stdout.splitlines()[-1])
     return found
 
@@ -113,11 +105,7 @@ def table(copy: Path) -> list[str]:
 
 
 def main(write: bool) -> None:
-    with tempfile.TemporaryDirectory() as folder:
-        copy = Path(folder)
-        for part in COPIED:
-            source = ROOT / part
-            (shutil.copytree if source.is_dir() else shutil.copy)(source, copy / part)
+    with copied() as copy:
         lines = table(copy)
     if write:
         put(ROOT / "docs" / "root.md", "levers", lines)

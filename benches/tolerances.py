@@ -8,21 +8,18 @@ A number is seen in a direction if one of its tests fails there. At once, a test
 
 from __future__ import annotations
 
-import os
 import re
-import shutil
 import subprocess
 import sys
-import tempfile
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parents[1]
+from core_copies import ROOT, built, copied
+
 sys.path.insert(0, str(ROOT / "tests"))
 
-from test_tolerances import ALL, RUST, Constant  # noqa: E402
+from test_tolerances import ALL, RUST, Constant
 
 FACTORS = {"larger": 100.0, "smaller": 0.01}
-COPIED = ("rust", "python", "tests", "benches", "Cargo.toml", "Cargo.lock", "README.md", "pyproject.toml")
 
 
 def scaled(source: str, constant: Constant, factor: float) -> str:
@@ -53,13 +50,9 @@ def failed_rust_tests(copy: Path) -> set[str]:
 
 
 def python_fails(copy: Path, paths: list[str]) -> bool:
-    build = ["cargo", "build", "--lib", "--features", "python"]
-    subprocess.run(build, cwd=copy, capture_output=True, check=True)
-    target = Path(os.environ.get("CARGO_TARGET_DIR", copy / "target"))
-    shutil.copy(target / "debug" / "libmbrs.so", copy / "python" / "mbrs" / "_core.abi3.so")
+    environment = built(copy)
     command = [sys.executable, "-m", "pytest", "-q", "-x", "-n", "0", *paths]
-    env = {**os.environ, "PYTHONPATH": str(copy / "python")}
-    return subprocess.run(command, cwd=copy, env=env, capture_output=True, check=False).returncode == 1
+    return subprocess.run(command, cwd=copy, env=environment, capture_output=True, check=False).returncode == 1
 
 
 def report(seen: dict[str, list[str]]) -> None:
@@ -70,11 +63,7 @@ def report(seen: dict[str, list[str]]) -> None:
 
 
 def main(names: list[str]) -> None:
-    with tempfile.TemporaryDirectory() as folder:
-        copy = Path(folder)
-        for name in COPIED:
-            source = ROOT / name
-            shutil.copytree(source, copy / name) if source.is_dir() else shutil.copy(source, copy / name)
+    with copied() as copy:
         seen: dict[str, list[str]] = {}
         if names:
             for c in (c for c in ALL if f"{c.group}::{c.name}" in names):

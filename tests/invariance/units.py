@@ -71,6 +71,11 @@ def in_units(length, mass=1.0, time=1.0, name=None) -> Change:
                 for key, many in table["law"].items()
             }
 
+    def preload(table, kinds):
+        if "preload" in table:
+            factor = np.array([force[i] for i in kinds]) if np.ndim(table["preload"]) else force[kinds]
+            table["preload"] = scaled(table["preload"], factor)
+
     def motion(given, factor):
         if not isinstance(given, dict):
             return scaled(given, factor)
@@ -108,20 +113,14 @@ def in_units(length, mass=1.0, time=1.0, name=None) -> Change:
             for key, more in (("k", 0), ("c", 1)):
                 if key in j:
                     j[key] = matrix_or_diagonal(j[key], kinds, more)
-            if "preload" in j:
-                j["preload"] = scaled(
-                    j["preload"], np.array([force[i] for i in kinds]) if np.ndim(j["preload"]) else force[kinds]
-                )
+            preload(j, kinds)
             laws(j, lambda key, j=j: "r" if j["type"] in ("spherical", "universal") else COORDINATES[key])
         for e in d["element"]:
             kinds = {"spring_damper": "t", "torsion": "r", "bushing": "tttrrr"}[e["type"]]
             for key, more in (("k", 0), ("c", 1)):
                 if key in e:
                     e[key] = matrix_or_diagonal(e[key], kinds, more)
-            if "preload" in e:
-                e["preload"] = scaled(
-                    e["preload"], np.array([force[i] for i in kinds]) if np.ndim(e["preload"]) else force[kinds]
-                )
+            preload(e, kinds)
             laws(e, lambda key: COORDINATES[key])
         for load in d["load"]:
             factor = force["t" if load["type"] == "force" else "r"]

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from . import condensation, verify
-from .cycle_start import Bounded, TooLong
+from .cycle_start import Bounded, TooLong, coefficients
 from .options import Fourier
 
 # Coordinates up to which integration in time costs less than what is tried afterwards. A count: too large, large systems wait for
@@ -57,14 +57,10 @@ def settled(system: Any, force: Any, omega: float, fourier: Fourier) -> Settled 
     if not motion.success or not np.all(np.isfinite(motion.y)):
         return None
     before, last = motion.y[:n, :SAMPLES], motion.y[:n, SAMPLES:]
-    c = 2 * np.fft.rfft(last, axis=1) / SAMPLES
-    amplitude = np.max(np.abs(c), axis=0)
-    seen = np.flatnonzero(amplitude > SEEN * np.max(amplitude[1:], initial=0.0))
-    top = fourier.terms[-1]
-    X = np.zeros((n, 2 * top + 1))
-    c = c[:, : top + 1]
-    X[:, 0] = 0.5 * c[:, 0].real
-    X[:, 1::2], X[:, 2::2] = c[:, 1:].real, -c[:, 1:].imag
+    spectrum = coefficients(last, SAMPLES // 2 - 1)
+    amplitude = np.max(np.hypot(spectrum[:, 1::2], spectrum[:, 2::2]), axis=0)
+    seen = 1 + np.flatnonzero(amplitude > SEEN * np.max(amplitude))
+    X = spectrum[:, : 2 * fourier.terms[-1] + 1]
     repeats = bool(np.max(np.abs(last - before)) <= REPEATED * np.max(np.abs(last)))
     return Settled(X, repeats, int(seen[-1]) if len(seen) else 1)
 

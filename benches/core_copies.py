@@ -1,0 +1,35 @@
+"""Copies of the sources in which the core is changed and built, beside the one that is installed."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+COPIED = ("rust", "python", "tests", "benches", "Cargo.toml", "Cargo.lock", "README.md", "pyproject.toml")
+
+
+@contextlib.contextmanager
+def copied() -> Iterator[Path]:
+    """A folder with what a build and the tests need, thrown away at the end."""
+    with tempfile.TemporaryDirectory() as folder:
+        copy = Path(folder)
+        for name in COPIED:
+            source = ROOT / name
+            shutil.copytree(source, copy / name) if source.is_dir() else shutil.copy(source, copy / name)
+        yield copy
+
+
+def built(copy: Path) -> dict[str, str]:
+    """Builds the core of a copy with little optimisation and puts it beside its package; the environment that finds it."""
+    build = ["cargo", "build", "--lib", "--features", "python"]
+    environment = {**os.environ, "PYO3_BUILD_EXTENSION_MODULE": "1"}
+    subprocess.run(build, cwd=copy, env=environment, capture_output=True, check=True)
+    target = Path(os.environ.get("CARGO_TARGET_DIR", copy / "target"))
+    shutil.copy(target / "debug" / "libmbrs.so", copy / "python" / "mbrs" / "_core.abi3.so")
+    return {**os.environ, "PYTHONPATH": str(copy / "python")}
