@@ -381,58 +381,71 @@ def _solved(
         if more is None:
             break
         finer = balance.prepare(system, force, fourier, omega, least_samples=more)
-        again = balance.call_core(finer.core.solve, answer["y"], [omega], **newton.core)
+        again = _solve(finer, answer["y"], omega, newton)
         if not again["converged"]:
             break
-        for name in ("iterations", "evaluations", "factorisations"):
-            again[name] += answer[name]
-        setup, answer = finer, again
+        setup, answer = finer, _after(answer, again)
     return setup, answer
 
 
 def first_solution(
     system: Any, force: Any, omega: float, fourier: Fourier, newton: Newton, x0: Any
 ) -> tuple[balance.Setup, dict[str, Any]]:
-    """The core's answer from a guess or from rest; where it fails, with harmonics that grow and with more samples: too few
-    make the equations of a stiff contact rough."""
+    """The core's answer from a guess or from rest; where it fails, with more samples: too few make the equations of a stiff
+    contact rough."""
     laws = balance.checked_system(system)
     smooth = fourier.n_samples is not None or all(balance.without_samples(law) for law in laws)
-    polynomial, top = all(law.kind.polynomial for law in laws), 0
+    top = 0
+    answer: dict[str, Any] = {}
     for least in (0,) if smooth else (0, balance.MOST_SAMPLES // 8, balance.MOST_SAMPLES // 2):
         setup = balance.prepare(system, force, fourier, omega, least_samples=least)
-        if not (polynomial or least or x0 is not None):
-            seen = _from_motion(setup, omega, newton)
-            if seen is not None and seen["converged"]:
-                return setup, seen
-            top = 0 if seen is None else seen["top"]
-        answer = balance.call_core(setup.core.solve, setup.start(x0), [omega], **newton.core)
-        if not answer["converged"] and x0 is None:
-            guess = _ramped_start(system, force, omega, fourier, newton, least)
-            if guess is not None:
-                answer = balance.call_core(setup.core.solve, setup.start(guess), [omega], **newton.core)
-        if answer["converged"] or answer["broken"] is not None:
+        answer = _after(answer, _solve(setup, setup.start(x0), omega, newton, ramp=False))
+        if x0 is None and not least and not _ended(answer) and not all(law.kind.polynomial for law in laws):
+            answer, top = _from_motion(setup, omega, newton, answer)
+        if x0 is None and not _ended(answer):
+            answer = _from_fewer_harmonics(setup, omega, newton, least, answer)
+        if not _ended(answer):
+            answer = _after(answer, _solve(setup, setup.start(x0), omega, newton))
+        if _ended(answer):
             break
     return setup, {**answer, "top": top}
 
 
-def _from_motion(setup: balance.Setup, omega: float, newton: Newton) -> dict[str, Any] | None:
-    """The core's answer from rest, or from what a motion settles to; ``top`` are the harmonics that such a motion needs where it
-    is periodic and the answer has too few of them, else 0."""
-    answer = balance.call_core(setup.core.solve, setup.start(None), [omega], ramp=False, **newton.core)
-    if answer["converged"] or answer["broken"] is not None:
-        return {**answer, "top": 0}
+def _solve(setup: balance.Setup, start: np.ndarray, omega: float, newton: Newton, ramp: bool = True) -> dict[str, Any]:
+    return balance.call_core(setup.core.solve, start, [omega], ramp=ramp, **newton.core)
+
+
+def _after(earlier: dict[str, Any], answer: dict[str, Any]) -> dict[str, Any]:
+    """An answer whose counts hold the work of an earlier attempt as well."""
+    return answer | {
+        name: answer[name] + earlier.get(name, 0) for name in ("iterations", "evaluations", "factorisations")
+    }
+
+
+def _ended(answer: dict[str, Any]) -> bool:
+    """True where another guess would bring nothing."""
+    return answer["converged"] or answer["broken"] is not None
+
+
+def _from_motion(
+    setup: balance.Setup, omega: float, newton: Newton, answer: dict[str, Any]
+) -> tuple[dict[str, Any], int]:
+    """The core's answer from what a motion from rest settles to, or the given one; and the harmonics that such a motion needs where
+    it is periodic and the answer has too few of them, else 0."""
     guess = settled(setup.system, setup.force, omega, setup.fourier)
     if guess is None:
-        return None
-    answer = balance.call_core(setup.core.solve, setup.start(guess.X), [omega], ramp=False, **newton.core)
+        return answer, 0
+    answer = _after(answer, _solve(setup, setup.start(guess.X), omega, newton, ramp=False))
     lacking = guess.repeats and guess.top > setup.harmonics[-1]
-    return {**answer, "top": guess.top if lacking and not answer["converged"] else 0}
+    return answer, guess.top if lacking and not answer["converged"] else 0
 
 
-def _ramped_start(
-    system: Any, force: Any, omega: float, fourier: Fourier, newton: Newton, least_samples: int
-) -> np.ndarray | None:
-    """A first guess from sets of harmonics that grow, None where no set has a solution."""
+def _from_fewer_harmonics(
+    setup: balance.Setup, omega: float, newton: Newton, least_samples: int, answer: dict[str, Any]
+) -> dict[str, Any]:
+    """The core's answer from sets of harmonics that grow, or the given one where no set has a solution: a ramp of the forces costs
+    little with few harmonics, and with many of them the cube of their number in each of its steps."""
+    system, force, fourier = setup.system, setup.force, setup.fourier
     harmonics, nu = fourier.terms, fourier.subharmonic
     forced = [h * nu for h in force] if isinstance(force, Mapping) else [nu]
     guess = None
@@ -440,11 +453,12 @@ def _ramped_start(
         fewer = [h for h in harmonics if h <= max(top, *forced)]
         if len(fewer) == len(harmonics):
             break
-        setup = balance.prepare(system, force, fourier.but(harmonics=fewer), omega, least_samples=least_samples)
-        answer = balance.call_core(setup.core.solve, setup.start(guess), [omega], **newton.core)
-        if answer["converged"]:
-            guess = setup.expand(answer["y"], omega)
-    return guess
+        coarse = balance.prepare(system, force, fourier.but(harmonics=fewer), omega, least_samples=least_samples)
+        found = _solve(coarse, coarse.start(guess), omega, newton, ramp=guess is None)
+        answer = _after(found, answer)
+        if found["converged"]:
+            guess = coarse.expand(found["y"], omega)
+    return answer if guess is None else _after(answer, _solve(setup, setup.start(guess), omega, newton, ramp=False))
 
 
 def _automatic(system: Any, force: Any, omega: float, fourier: Fourier, newton: Newton, x0: Any) -> PeriodicSolution:
