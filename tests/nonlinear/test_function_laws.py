@@ -420,6 +420,41 @@ def test_the_force_law_of_the_contract():
     assert abs(traj.position(s)[-1, 1] - exact) < 1e-8
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_friction_follows_the_normal_force_of_its_contact(seed):
+    """A block that slides on an elastic plane of any direction, over a bump of its own bounce: Coulomb's friction mu N against the
+    equations in the plane's own axes, and the distance v^2/(2 mu g) where the block does not bounce."""
+    rng = np.random.default_rng(seed)
+    mass, g, mu, k, c, slow = np.exp(rng.uniform(0, 1)), rng.uniform(3, 12), rng.uniform(0.2, 0.5), 3.1e3, 57.0, 1e-3
+    R = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+    n, speed = R[:, 2], rng.uniform(0.7, 1.4)
+
+    def contact(t, u, v):
+        normal = np.maximum(-k * (u @ n) - c * (v @ n), 0.0)
+        along = v - (v @ n) * n
+        return normal * (n - mu * along / np.sqrt(along @ along + slow**2))
+
+    for drop in (0.0, 0.03):
+        rest = -mass * g / k
+        m = mb.Model("block", gravity=-g * n)
+        m.body("block", mass=mass, inertia=(0.3, 0.2, 0.4), velocity=speed * R[:, 0])
+        start = drop or rest
+        law = lambda t, u, v, start=start: contact(t, u + start * n, v)  # noqa: E731
+        m.force_law("floor", law, [f"block.motion.{axis}" for axis in "xyz"])
+        t = 0.5 * speed / (mu * g)
+        went = mb.simulate(m, t=[0.0, t], rtol=1e-9).position("block")[-1] @ R
+
+        def slope(_, y, law=law):
+            # along the plane and across it; the block's own equations
+            push = law(0.0, R[:, 0] * y[0] + n * y[1], R[:, 0] * y[2] + n * y[3])
+            return [y[2], y[3], push @ R[:, 0] / mass, push @ n / mass - g]
+
+        exact = solve_ivp(slope, (0, t), [0, 0, speed, 0], rtol=1e-11, atol=1e-12, max_step=1e-3).y[:2, -1]
+        assert np.max(np.abs(went - [exact[0], 0, exact[1]])) < 1e-6
+        if not drop:
+            assert went[0] == pytest.approx(speed * t - 0.5 * mu * g * t**2, abs=1e-5)
+
+
 def test_a_contact_with_restitution():
     """A ball that meets a stop with damping that grows with the depth (Hunt and Crossley), against the equation by hand."""
     k, c, gap, mass, v = 2.3e4, 0.4, 0.07, 1.7, 1.3
