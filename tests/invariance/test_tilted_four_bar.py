@@ -71,6 +71,8 @@ ANALYSES = {
     "generalized-alpha": motion("generalized-alpha", step=5e-3),
     "bdf": motion("bdf", rtol=1e-7),
     "ali3p": motion("ali3p", step=5e-3),
+    "radau": motion("radau", rtol=1e-7),
+    "bdf-bfgs": motion("bdf-bfgs", rtol=1e-7),
 }
 INTEGRATORS = [name for name in ANALYSES if name not in ("System", "modes")]
 FREE = [1e-15, 1e-14, 1e-13, 1e-12, 1e-11, 1e-10, 1e-9, 3e-9, 1e-8]
@@ -188,6 +190,8 @@ WHOLE = {
     "generalized-alpha": lambda m: mb.simulate(m, t=0.01, method="generalized-alpha", step=5e-3),
     "bdf": lambda m: mb.simulate(m, t=0.01, method="bdf"),
     "ali3p": lambda m: mb.simulate(m, t=0.01, method="ali3p", step=5e-3),
+    "radau": lambda m: mb.simulate(m, t=0.01, method="radau"),
+    "bdf-bfgs": lambda m: mb.simulate(m, t=0.01, method="bdf-bfgs"),
 }
 
 
