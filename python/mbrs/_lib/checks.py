@@ -11,6 +11,8 @@ import numpy as np
 
 from ..errors import ModelError
 
+# what Python and NumPy raise for values that are no number of the wanted kind
+UNFIT = (TypeError, ValueError, OverflowError)
 LARGEST = 1e150  # its square is still a number
 
 
@@ -44,9 +46,19 @@ def flag(name: str, value: Any) -> bool:
     return bool(value)
 
 
+def is_word(value: Any, known: Iterable[str]) -> bool:
+    """Whether a value, which may be anything, is one of some words."""
+    return isinstance(value, str) and value in known
+
+
+def is_list(value: Any) -> bool:
+    """Whether a value, which may be anything, can be gone through; arrays without dimensions cannot."""
+    return isinstance(value, Iterable) and getattr(value, "ndim", 1) != 0
+
+
 def choice(name: str, value: Any, known: Sequence[str]) -> str:
     """One of some words."""
-    if not isinstance(value, str) or value not in known:
+    if not is_word(value, known):
         words = ", ".join(f'"{word}"' for word in known)
         raise ModelError(f"there is no {name} {shown(value)}; known are {words}")
     return value
@@ -106,7 +118,7 @@ def complex_array(name: str, value: Any) -> np.ndarray:
         if np.asarray(value).dtype.kind in "USmM":
             raise TypeError  # NumPy would read numbers from text
         array = np.asarray(value, dtype=complex)
-    except (TypeError, ValueError, OverflowError):
+    except UNFIT:
         raise ModelError(f"{name} must hold numbers, it is {shown(value)}") from None
     if not np.all(np.isfinite(array)):
         raise ModelError(f"{name} contains NaN or infinite entries")

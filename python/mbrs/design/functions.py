@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from .._lib.checks import UNFIT
 from ..errors import ModelError
 from ..gradients.gradient import gradient
 from ..gradients.objectives import Objective
@@ -94,7 +95,7 @@ def number_or_infinite(what: str, value: Any) -> float:
     """A number that may be infinite."""
     try:
         number = float(value)
-    except (TypeError, ValueError):
+    except UNFIT:
         number = math.nan
     if math.isnan(number):
         raise ModelError(f"{what} must be a number, got {shown(value)}")

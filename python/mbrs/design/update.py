@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
 
-from .._lib.checks import choice, count, shown
+from .._lib.checks import UNFIT, choice, count, shown
 from .._lib.progress import Progress
 from ..errors import Interrupted, MbrsError, ModelError
 from ..linear.pairing import Pairing, pair
@@ -331,7 +331,7 @@ def _prior(given: Any, labels: Sequence[str], start: np.ndarray) -> tuple[np.nda
         pair_ = value if isinstance(value, tuple | list) else (start[labels.index(label)], value)
         try:
             centre, sd = (float(v) for v in pair_)
-        except (TypeError, ValueError):
+        except UNFIT:
             centre, sd = math.nan, math.nan
         if not (math.isfinite(centre) and 0.0 < sd < math.inf):
             raise ModelError(
@@ -347,7 +347,7 @@ def _limits(given: Any, labels: Sequence[str], start: np.ndarray) -> tuple[np.nd
         k = labels.index(label)
         try:
             low[k], high[k] = (o if e is None else float(e) for e, o in zip(ends, (-math.inf, math.inf), strict=True))
-        except (TypeError, ValueError):
+        except UNFIT:
             raise ModelError(f"bounds of {label!r} are (lower, upper), got {shown(ends)}") from None
         if not low[k] <= start[k] <= high[k]:
             raise ModelError(

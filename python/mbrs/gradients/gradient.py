@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import sys
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -12,7 +13,7 @@ import numpy as np
 
 from .. import _core
 from .._lib.border import core_errors
-from .._lib.checks import shown
+from .._lib.checks import is_word, shown
 from .._lib.progress import Elapsed
 from .._lib.vetter import Derivative
 from ..errors import ModelError, NameNotFoundError
@@ -169,7 +170,7 @@ def gradient(
     True
     """
     begin = time.perf_counter()
-    if method not in METHODS:
+    if not is_word(method, METHODS):
         raise ModelError(f"method= is one of {', '.join(map(repr, METHODS))}, got {shown(method)}")
     kind = _variant(scheme, step, weight, rho)
     objectives, many = _objectives(objective)
@@ -257,12 +258,12 @@ def _variant(scheme: str | None, step: Any, weight: str | None, rho: float | Non
     """Options of a scheme, checked."""
     if scheme is None:
         scheme = "auto" if step is None and weight is None else "ali3p"
-    if scheme not in (*SCHEMES, "auto"):
+    if not is_word(scheme, (*SCHEMES, "auto")):
         raise ModelError(
-            f"scheme={scheme!r} has no sensitivities; those that have are "
+            f"scheme={shown(scheme)} has no sensitivities; those that have are "
             f"{', '.join(f'scheme={name!r}' for name in SCHEMES)} (mb.simulate runs them as method=)"
         )
-    if weight is not None and (scheme != "ali3p" or weight not in ("tangent", "mass")):
+    if weight is not None and (scheme != "ali3p" or not is_word(weight, ("tangent", "mass"))):
         raise ModelError(
             f"weight= is 'tangent' or 'mass' and belongs to scheme='ali3p', got {shown(weight)} with {scheme!r}"
         )
@@ -277,7 +278,7 @@ def _variant(scheme: str | None, step: Any, weight: str | None, rho: float | Non
 def _kept(keep: Any) -> int:
     if isinstance(keep, bool) or not isinstance(keep, (int, np.integer)) or keep < 0:
         raise ModelError(f"keep= is how many numbers may be kept, an integer of at least 0, got {shown(keep)}")
-    return int(keep)
+    return min(int(keep), sys.maxsize)
 
 
 def _reader(run: Run) -> Reader:

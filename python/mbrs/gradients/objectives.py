@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from .._lib.checks import shown
+from .._lib.checks import UNFIT, shown
 from ..errors import ModelError, NotDifferentiableError
 from ..motion.quantities import Instant, Names, QuantityKey
 from ..motion.tangent import Nodes
@@ -108,7 +108,7 @@ class AtTimes:
         _called(self.function, "mb.AtTimes")
         try:
             t = np.asarray(self.at, dtype=float)
-        except (TypeError, ValueError):
+        except UNFIT:
             raise ModelError(f"mb.AtTimes takes increasing times first, got {shown(self.at)}") from None
         if t.ndim != 1 or not t.size or not np.all(np.isfinite(t)) or np.any(np.diff(t) <= 0):
             raise ModelError(f"mb.AtTimes takes increasing finite times first, got {shown(self.at)}")
@@ -181,7 +181,7 @@ def number(objective: Objective, s: Instant, real: bool = True) -> complex:
         )
     try:
         value = complex(found)
-    except (TypeError, ValueError):
+    except UNFIT:
         raise ModelError(f"the objective must return one number, got {shown(found)} at t = {s.t:.6g} s") from None
     if not (math.isfinite(value.real) and math.isfinite(value.imag)):
         raise ModelError(f"the objective is {found} at t = {s.t:.6g} s; keep it finite along the whole motion")

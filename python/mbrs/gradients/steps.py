@@ -10,7 +10,7 @@ import numpy as np
 
 from .. import _core
 from .._lib.border import core_errors
-from .._lib.checks import shown
+from .._lib.checks import UNFIT, shown
 from ..errors import ModelError
 from ..motion.simulate import simulate
 from ..motion.tangent import (
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 def finite(name: str, value: Any, least: float = 0.0) -> float:
     try:
         number = float(value)
-    except (TypeError, ValueError):
+    except UNFIT:
         raise ModelError(f"{name}= must be a number, got {shown(value)}") from None
     if not math.isfinite(number) or number < least:
         raise ModelError(f"{name}= must be a finite number of at least {least:g}, got {shown(value)}")
@@ -49,8 +49,8 @@ def prepare(
     **kind: Any,
 ) -> Run:
     """Start and steps of a motion."""
-    require_exact_tangents(m, without)
     snapshot = Snapshot.of(m, without)
+    require_exact_tangents(m, without)
     state = state_of(m, snapshot.system, at, hold=False, without=without)
     end = finite("t", t, state.t)
     slack = least_gap(state.t, end)

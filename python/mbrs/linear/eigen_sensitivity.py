@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from .._lib.border import core_errors
+from .._lib.checks import UNFIT
 from .._lib.text import counted, without_rounding
 from ..errors import ModelError
 from ..results import Result, Stats, derived, quantity, result
@@ -472,7 +473,7 @@ def _entries(name: str, a: Any, dof: int) -> tuple[Any, int | None]:
         return _typed(rows, columns, direction, values), len(a)
     try:
         dense = np.asarray(a, dtype=float)
-    except (TypeError, ValueError) as problem:
+    except UNFIT as problem:
         raise ModelError(f"{name} must be real matrices: {problem}") from None
     if isinstance(a, list | tuple) and dense.ndim == 3:
         dense = np.moveaxis(dense, 0, -1)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import time
 import warnings
 from collections.abc import Mapping, Sequence
@@ -12,6 +13,7 @@ import numpy as np
 
 from .. import _core
 from .._lib.border import core_errors
+from .._lib.checks import UNFIT, count, is_word, shown
 from .._lib.progress import call_progress
 from .._lib.text import counted
 from ..errors import MbrsWarning, ModelError
@@ -219,14 +221,14 @@ def frf(
     True
     """
     start = time.perf_counter()
-    if kind not in ORDER_OUT:
-        raise ModelError(f"kind={kind!r} is not known; it is one of {', '.join(ORDER_OUT)}")
+    if not is_word(kind, ORDER_OUT):
+        raise ModelError(f"kind={shown(kind)} is not known; it is one of {', '.join(ORDER_OUT)}")
     points, limits = _grid(frequency, omega)
     linear = linear_system(m, inputs, outputs, at, without, relaxing=True)
     if kind == "transmissibility" and np.any(linear.order_in[: len(linear.inputs)] != 2):
         raise ModelError("a transmissibility needs motions of the base as inputs, such as mb.base_motion('z')")
-    if modes is not None and (not isinstance(modes, int | np.integer) or modes < 1):
-        raise ModelError(f"modes={modes!r} must be a number of modes, at least 1")
+    if modes is not None:
+        modes = count("modes=", modes, sys.maxsize)
     solver: _Dense | _Sparse | _Relaxing
     if linear.states is not None:
         solver = _Relaxing(linear, linear.states, ORDER_OUT[kind], modes)
@@ -422,7 +424,7 @@ def _grid(frequency: Any, omega: Any) -> tuple[np.ndarray | None, tuple[float, f
     name, given, factor = ("frequency", frequency, 2 * np.pi) if omega is None else ("omega", omega, 1.0)
     try:
         values = np.array(given, dtype=float)
-    except (TypeError, ValueError):
+    except UNFIT:
         raise ModelError(f"{name} must be a 2-tuple (from, to) or numbers, got {given!r}") from None
     if not np.all(np.isfinite(values)):
         raise ModelError(f"{name} contains NaN or infinite values")

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from .. import _core
+from .._lib.checks import UNFIT
 from ..errors import ModelError
 from ..model.names import index
 from .relaxation import States
@@ -157,7 +158,7 @@ def directions(spec: Any, coordinates: tuple[str, ...], what: str) -> tuple[np.n
         return W, tuple(coordinates[i] for i in indices)
     try:
         W = np.array(picked, dtype=float)
-    except (TypeError, ValueError):
+    except UNFIT:
         raise ModelError(
             f"{what} must be coordinate names, indices, a direction ({n},) or directions ({n}, k); got {spec!r}"
         ) from None

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from .._lib.checks import UNFIT
 from ..errors import ModelError
 
 if TYPE_CHECKING:
@@ -66,7 +67,7 @@ def _shapes(a: Any) -> np.ndarray:
     try:
         x = np.asarray(getattr(a, "shape") if hasattr(a, "eigenvalue") else a)  # noqa: B009 - an array has a shape as well
         x = x.astype(complex) if np.iscomplexobj(x) else x.astype(float)
-    except (TypeError, ValueError) as problem:
+    except UNFIT as problem:
         raise ModelError(f"mac needs modal results or matrices of shapes: {problem}") from None
     if x.ndim == 1:
         x = x[:, None]

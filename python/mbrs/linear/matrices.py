@@ -11,6 +11,7 @@ import numpy as np
 
 from .. import _core
 from .._lib.border import core_errors, require_memory
+from .._lib.checks import UNFIT, is_list, names, shown
 from .._lib.formats import Omission, warn_of_omissions
 from .._lib.matrix_files import choose, read_matrices, write_matrices
 from ..errors import ModelError
@@ -98,11 +99,13 @@ class MechanicalSystem:
         self.C = None if C is None else _checked("C", C, self.n)
         self.G = None if G is None else _checked("G", G, self.n)
         self.N = None if N is None else _checked("N", N, self.n)
+        if not is_list(elements):
+            raise ModelError(f"elements= takes a list of laws with their w=, got {shown(elements)}")
         self.elements = tuple(elements)
-        names = tuple(coordinates) if coordinates is not None else tuple(f"x{i}" for i in range(self.n))
-        if len(names) != self.n or len(set(names)) != self.n:
-            raise ModelError(f"coordinates must be {self.n} different names, got {len(names)}")
-        self.coordinates = names
+        words = tuple(f"x{i}" for i in range(self.n)) if coordinates is None else names("coordinates", coordinates)
+        if len(words) != self.n or len(set(words)) != self.n:
+            raise ModelError(f"coordinates must be {self.n} different names, got {len(words)}")
+        self.coordinates = words
 
     # laws of a model have states that relax; those of matrices have none
     states: ClassVar[None] = None
@@ -189,7 +192,7 @@ def _checked(name: str, a: Any, n: int | None) -> Any:
             require_memory(3.0 * 8.0 * a.size, what, "give it as a scipy.sparse matrix, or reduce the system")
         try:
             a = np.array(a, dtype=float)
-        except (TypeError, ValueError) as problem:
+        except UNFIT as problem:
             raise ModelError(f"{name} must be a real matrix: {problem}") from None
         values = a
     if a.ndim != 2 or a.shape[0] != a.shape[1] or a.shape[0] == 0:

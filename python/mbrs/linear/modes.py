@@ -13,7 +13,7 @@ import numpy as np
 
 from .. import _core
 from .._lib.border import core_errors
-from .._lib.checks import one_or_names
+from .._lib.checks import UNFIT, one_or_names
 from .._lib.progress import call_progress
 from ..errors import ConvergenceError, ModelError, SingularError
 from ..model.book import Book
@@ -247,7 +247,7 @@ def _factor_for(system: Any, r: dict[str, Any]) -> np.ndarray | None:
 def _matrix(name: str, a: Any) -> np.ndarray:
     try:
         f = array_of(a)
-    except (TypeError, ValueError) as problem:
+    except UNFIT as problem:
         raise ModelError(f"{name} must be a real matrix: {problem}") from None
     if f is None or f.ndim != 2 or f.size == 0:
         raise ModelError(f"{name} must be a matrix with one column for each coordinate")

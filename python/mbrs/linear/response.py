@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from .._lib.border import core_errors
+from .._lib.checks import UNFIT, is_word, real_array, shown
 from .._lib.progress import call_progress
 from .._lib.text import counted, number, without_rounding
 from ..errors import ModelError
@@ -201,8 +202,8 @@ def response(
     True
     """
     begin = time.perf_counter()
-    if kind not in _KINDS:
-        raise ModelError(f"kind={kind!r} is not known; it is one of {', '.join(_KINDS)}")
+    if not is_word(kind, _KINDS):
+        raise ModelError(f"kind={shown(kind)} is not known; it is one of {', '.join(_KINDS)}")
     if isinstance(m, MechanicalSystem) and len(m.elements) > 0:
         raise ModelError(
             f"response() is linear and this system has nonlinear elements, {m.elements[0]!r} the first; integrate them by "
@@ -322,7 +323,7 @@ def load_history(t: np.ndarray, loads: Sequence[Any], names: Sequence[str]) -> L
 def _times(t: Any) -> np.ndarray:
     try:
         times = np.array(t, dtype=float)
-    except (TypeError, ValueError):
+    except UNFIT:
         raise ModelError(f"t must be an array of times in s, got {t!r}") from None
     if times.ndim != 1 or times.size < 2:
         raise ModelError(f"t has shape {times.shape}; it must be at least two times")
@@ -388,11 +389,9 @@ def _renamed(linear: LinearSystem, names: tuple[str, ...]) -> LinearSystem:
 def _state(x: Any, n: int, name: str) -> np.ndarray:
     if x is None:
         return np.zeros(n)
-    values = np.array(x, dtype=float)
+    values = real_array(name, x)
     if values.shape != (n,):
         raise ModelError(f"{name} has shape {values.shape}; the system has {n} coordinates")
-    if not np.all(np.isfinite(values)):
-        raise ModelError(f"{name} contains NaN or infinite entries")
     return values
 
 
@@ -401,7 +400,7 @@ def _sample(load: Callable[[Any], Any], t: np.ndarray, name: str) -> np.ndarray:
     if values is None:
         try:
             values = np.array([float(load(float(s))) for s in t])
-        except (TypeError, ValueError) as problem:
+        except UNFIT as problem:
             raise ModelError(f"the load on {name} must return one number for a time in s: {problem}") from None
     if not np.all(np.isfinite(values)):
         raise ModelError(f"the load on {name} is not finite at t = {t[~np.isfinite(values)][0]:.6g} s")
@@ -424,7 +423,7 @@ def _vectorised(load: Callable[[Any], Any], t: np.ndarray) -> np.ndarray | None:
 def _array(load: Any, n: int, name: str) -> np.ndarray:
     try:
         values = np.array(load, dtype=float)
-    except (TypeError, ValueError):
+    except UNFIT:
         raise ModelError(f"the load on {name} must be a function of time or {n} numbers") from None
     if values.shape != (n,):
         raise ModelError(f"the load on {name} has shape {values.shape}; it must be ({n},), one value per time")

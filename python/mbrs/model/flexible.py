@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from .._lib.checks import UNFIT
 from .aliases import Axis, PoseLike, Rotation, Vector3
 from .argument_checks import pack
 from .bodies import Body, enter, first_guess
@@ -233,7 +234,7 @@ def _chosen(name: str, modal: ModalBody, modes: Any) -> ModalBody:
     chosen = list(range(modes)) if isinstance(modes, int) and not isinstance(modes, bool) else modes
     try:
         places = [int(i) for i in chosen]
-    except (TypeError, ValueError):
+    except UNFIT:
         places = []
     if not places or len(set(places)) != len(places) or any(not 0 <= i < m for i in places):
         raise problem(

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from .._lib.checks import UNFIT
 from .motions import FunctionName, UserFunction, name_of, resolve
 from .names import problem, shown
 
@@ -48,7 +49,7 @@ class FunctionCall:
     def _checked(self, what: str, value: Any, shape: tuple[int, ...]) -> list[float]:
         try:
             made = np.asarray(value, dtype=float)
-        except (TypeError, ValueError):
+        except UNFIT:
             raise problem(self.where, f"has {what} that returned {shown(value)}, not numbers") from None
         size = int(np.prod(shape))
         if made.size != size:

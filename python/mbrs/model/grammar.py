@@ -10,6 +10,7 @@ import ast
 import math
 from typing import Any
 
+from .._lib.checks import UNFIT
 from ..errors import ModelError
 from .expressions import combine
 from .names import nearest, not_found, shown
@@ -110,7 +111,7 @@ def _call(node: ast.Call, text: str, space: ParameterSpace) -> Any:
 def _apply(name: str, args: list[Any], node: ast.AST, text: str) -> Any:
     try:
         return combine(name, *args)
-    except (TypeError, ValueError) as reason:
+    except UNFIT as reason:
         raise _error(str(reason), node, text) from None
 
 

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from .._lib.checks import UNFIT
 from ..errors import ModelError
 
 
@@ -54,7 +55,7 @@ def direction(law: str, w: Any) -> np.ndarray:
         w = w.toarray().ravel()
     try:
         w = np.array(w, dtype=float)
-    except (TypeError, ValueError):
+    except UNFIT:
         raise ModelError(f"{law}: w must be a real vector, it is {w!r}") from None
     if w.ndim != 1 or w.size == 0:
         raise ModelError(f"{law}: w must be a vector (n,), its shape is {w.shape}")

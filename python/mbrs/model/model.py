@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import copy
-import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, overload
 
 import numpy as np
 
+from .._lib.checks import is_word
 from .._lib.formats import find
 from .._lib.text import counted
 from ..errors import ModelError
@@ -134,7 +134,7 @@ class Model(Book):
         self, name: str, gravity: Vector3 | None = None, tolerance: float = 1e-7, units: Literal["SI"] | None = None
     ) -> None:
         super().__init__(name)
-        if units not in (None, "SI"):
+        if units is not None and not is_word(units, ("SI",)):
             raise ModelError(f"units= must be 'SI' or None, got {shown(units)}")
         self.units = units
         self.ground = Ground(self, GROUND)
@@ -229,7 +229,7 @@ class Model(Book):
     @tolerance.setter
     def tolerance(self, value: float) -> None:
         number = isinstance(value, (int, float, np.integer, np.floating)) and not isinstance(value, bool)
-        if not number or not math.isfinite(value) or not 0.0 < value < LARGEST_TOLERANCE:
+        if not number or not 0.0 < value < LARGEST_TOLERANCE:
             raise ModelError(
                 f"the tolerance of model {self.name!r} must be a number between 0 and {LARGEST_TOLERANCE:g} (a share of its size), "
                 f"got {shown(value)}"

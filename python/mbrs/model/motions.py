@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from .._lib.checks import UNFIT
 from ..errors import MbrsError, ModelError
 from .aliases import Scalar, TimeFunctionLike
 from .book import Group, Item
@@ -279,7 +280,7 @@ class TimeFunction(UserFunction):
             raise
         try:
             flat = np.asarray(made, dtype=float).ravel()
-        except (TypeError, ValueError):
+        except UNFIT:
             raise problem(self.where, f"has a function that returned {shown(made)} at t = {t:.9g} s") from None
         allowed = (self.outputs,) if self.outputs else (1, 3)
         if flat.size not in allowed:

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from .._lib.checks import UNFIT
 from ..errors import ModelError
 from .expressions import Expression, Symbol, apply_ufunc
 from .names import problem, shown
@@ -83,7 +84,7 @@ def checked(name: str, value: Any, shape: tuple[int, ...] | None) -> np.ndarray:
         array = np.asarray(value)
         numeric = array.dtype.kind in "fiu"
         array = array.astype(float) if numeric else array
-    except (TypeError, ValueError):
+    except UNFIT:
         numeric = False
     if not numeric:
         raise problem(name, f"must be a real number or an array of real numbers, got {shown(value)}")

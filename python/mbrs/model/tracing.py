@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from .._lib.checks import UNFIT
 from ..errors import ModelError
 from .expression_text import expression_texts
 from .expressions import Expression, ExpressionArray, Program, Symbol
@@ -131,7 +132,7 @@ def _result(value: Any, space: TraceSpace, function: Any, where: str) -> Express
         return value if value.space is space else space.captured(value)
     try:
         number = float(value)
-    except (TypeError, ValueError):
+    except UNFIT:
         number = np.nan
     if not np.isfinite(number):
         raise problem(

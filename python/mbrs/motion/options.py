@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .._lib.checks import count, shown
+from .._lib.checks import UNFIT, count, is_word, shown
 from ..errors import ModelError
 from ..model.directions import directions
 from ..system.effects import LINEAR_ONLY, check_without
@@ -24,6 +24,8 @@ ORDER = {"explicit": 8, "generalized-alpha": 2, "radau": 5, "bdf": 4, "bdf-bfgs"
 # their error is estimated by a tighter run, that of the others by a looser one
 TIGHTENED = frozenset({"explicit", "radau", "bdf", "bdf-bfgs"})
 TIGHTEST, LOOSEST = 1e-13, 1e-1
+# more would take days
+MOST_STEPS = 10**9
 # below it the norm to which the equations of a step of bdf-bfgs are solved shows in the rates, and steps collapse; with rows of loops
 # or drives it shows earlier (slider-crank: from 1e-9 on errors of 1.3e-9 to 2.8e-9, whatever is asked)
 _TIGHTEST_WITHOUT_TANGENT = 1e-10
@@ -53,7 +55,7 @@ def with_served_tolerance(options: dict[str, Any], snapshot: Snapshot) -> dict[s
 def variant(method: str, form: Any, update: Any, coordinates: Any) -> str:
     """The method with what belongs to it, as the core names it: "explicit/tree", "bdf-bfgs/ggl/auto"."""
     if coordinates is not None:
-        if coordinates not in ("tree", "independent"):
+        if not is_word(coordinates, ("tree", "independent")):
             raise ModelError(f"coordinates= is 'tree', 'independent' or 'absolute', got {shown(coordinates)}")
         if method != "explicit":
             raise ModelError(f'coordinates={coordinates!r} belongs to method="explicit", not to {shown(method)}')
@@ -134,7 +136,7 @@ def refuse_options_of_matrices(given: Mapping[str, Any]) -> None:
             )
 
 
-def limits(rho: Any, max_step: Any, first_step: Any, max_steps: Any) -> dict[str, float]:
+def limits(rho: Any, max_step: Any, first_step: Any, max_steps: Any, span: float) -> dict[str, float]:
     """Damping of generalised-alpha and limits of the steps, those that are given."""
     options = {}
     for name, value in (("rho", rho), ("max_step", max_step), ("first_step", first_step), ("max_steps", max_steps)):
@@ -142,6 +144,8 @@ def limits(rho: Any, max_step: Any, first_step: Any, max_steps: Any) -> dict[str
             options[name] = _number(name, value, positive=name != "rho")
     if max_steps is not None and (isinstance(max_steps, bool) or options["max_steps"] % 1.0 != 0.0):
         raise ModelError(f"max_steps= must be a whole number, got {shown(max_steps)}")
+    if max_step is not None and span / options["max_step"] > MOST_STEPS:
+        raise ModelError(f"max_step={max_step} would need more than 1e9 steps")
     if rho is not None and not 0.0 <= rho <= 1.0:
         raise ModelError(f"rho= lies between 0 and 1, got {rho}")
     return options
@@ -150,7 +154,7 @@ def limits(rho: Any, max_step: Any, first_step: Any, max_steps: Any) -> dict[str
 def _number(name: str, value: Any, *, positive: bool = True) -> float:
     try:
         number = float(value)
-    except (TypeError, ValueError):
+    except UNFIT:
         raise ModelError(f"{name}= must be a number, got {shown(value)}") from None
     if not math.isfinite(number) or (positive and number <= 0.0):
         raise ModelError(f"{name}= must be a {'positive' if positive else 'finite'} number, got {shown(value)}")
@@ -166,7 +170,7 @@ def motion_options(t: Any, rtol: Any, step: Any, method: Any, state: State) -> d
     options: dict[str, Any] = {"method": method, "t": state.t, "memory": state.memory.tolist()}
     try:
         times = np.asarray(t, dtype=float)
-    except (TypeError, ValueError):
+    except UNFIT:
         raise ModelError(f"t= must be a number or an array of times, got {shown(t)}") from None
     if times.ndim > 1 or times.size == 0 or not np.all(np.isfinite(times)):
         raise ModelError(f"t= must be a finite number or a one-dimensional array of finite times, got {shown(t)}")
@@ -181,7 +185,7 @@ def motion_options(t: Any, rtol: Any, step: Any, method: Any, state: State) -> d
         raise ModelError(f"t= must lie after the start at {state.t:.9g} s")
     if step is not None:
         options["step"] = _number("step", step)
-        if (options["end"] - state.t) / options["step"] > 1e9:
+        if (options["end"] - state.t) / options["step"] > MOST_STEPS:
             raise ModelError(f"step={step} would need more than 1e9 steps")
     else:
         options["rtol"] = _number("rtol", 1e-7 if rtol is None else rtol)

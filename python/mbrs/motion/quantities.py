@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from .._lib.checks import UNFIT
 from ..errors import ModelError, NameNotFoundError
 from ..model.names import index, nearest, shown
 from ..model.schema import JOINTS
@@ -57,7 +58,7 @@ class Names:
             return ("point", int(self.tables["marker_body"][i]), order, int(self.tables["marker_x"][i]), None)
         try:
             drawn = np.asarray(marker, dtype=float)
-        except (TypeError, ValueError):
+        except UNFIT:
             drawn = np.zeros(0)
         if drawn.shape != (3,) or not np.all(np.isfinite(drawn)):
             raise ModelError(f"a point is three finite numbers, got {shown(marker)}")

@@ -13,7 +13,7 @@ import numpy as np
 
 from .. import _core
 from .._lib.border import core_errors
-from .._lib.checks import user_level
+from .._lib.checks import is_word, user_level
 from .._lib.progress import Progress
 from ..errors import ConvergenceError, Interrupted, MbrsWarning
 from ..linear.matrices import MechanicalSystem
@@ -239,13 +239,13 @@ def simulate(
     refuse_options_of_matrices(dict(loads=loads, x0=x0, v0=v0))
     start = time.perf_counter()
     without = effects_without(without)
-    absolute = coordinates == "absolute"
+    absolute = is_word(coordinates, ("absolute",))
     snapshot = Snapshot.of(m, without, absolute)
     state = state_of(m, snapshot.system, at, hold=False, without=without)
     if parameters is not None:
         method, coordinates = with_sensitivities(m, parameters, method, coordinates)
     options = motion_options(t, rtol, step, method, state)
-    options |= limits(rho, max_step, first_step, max_steps)
+    options |= limits(rho, max_step, first_step, max_steps, options["end"] - state.t)
     options |= penalised(method, penalty, passes, parameters)
     options["method"] = variant(method, form, update, None if absolute else coordinates)
     refuse_output_times(options, parameters)

@@ -10,6 +10,7 @@ import numpy as np
 
 from .. import _core
 from .._lib.border import core_errors
+from .._lib.checks import UNFIT
 from .._lib.rotations import quaternion_matrix
 from .._lib.text import counted
 from ..errors import ModelError
@@ -149,7 +150,7 @@ class Trajectory(AirMotion, Result):
             body = self._body(of)
             try:
                 drawn = np.asarray(marker, dtype=float)
-            except (TypeError, ValueError):
+            except UNFIT:
                 drawn = np.zeros(0)
             if drawn.shape != (3,) or not np.all(np.isfinite(drawn)):
                 raise ModelError(f"a point is three finite numbers, got {marker!r}")
@@ -388,7 +389,7 @@ class Trajectory(AirMotion, Result):
         """The output at a time."""
         try:
             asked = float(t)
-        except (TypeError, ValueError):
+        except UNFIT:
             raise ModelError(f"t = {t!r} is not an output time: t= is a time of an output, one of traj.t") from None
         i = int(np.argmin(np.abs(self.t - asked)))
         if not np.isfinite(asked) or abs(self.t[i] - asked) > 1e-9 * max(1.0, abs(asked)):

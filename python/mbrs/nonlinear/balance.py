@@ -11,6 +11,7 @@ import numpy as np
 from .. import _core
 from .._lib import checks
 from .._lib.border import core_errors
+from .._lib.checks import UNFIT
 from ..errors import ModelError, SingularError
 from ..model.laws import FunctionLaw, Law
 from . import condensation
@@ -405,7 +406,7 @@ def one_frequency(omega: Any, frequency: Any) -> Any:
     name = "omega" if frequency is None else "frequency"
     try:
         array = np.asarray(value, dtype=float)
-    except (TypeError, ValueError, OverflowError):
+    except UNFIT:
         raise ModelError(f"{name} must be real, it is {checks.shown(value)}") from None
     if array.size == 0 or not np.all(np.isfinite(array)) or np.any(array <= 0):
         raise ModelError(f"{name} must be positive and finite, it is {checks.shown(value)}")

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from .._lib import checks
+from .._lib.checks import UNFIT
 from ..errors import ModelError
 
 # Samples in a period: doubled until the coefficients of the upper half are rounding, or to the limit. Larger: seconds for a Python
@@ -49,7 +50,7 @@ def harmonics_of(force: Callable[[float], Any], n: int, omega: float) -> dict[in
 def _value(force: Callable[[float], Any], n: int, t: float) -> np.ndarray:
     try:
         made = np.asarray(force(t), dtype=float)
-    except (TypeError, ValueError) as reason:
+    except UNFIT as reason:
         raise ModelError(f"force, a function of time, failed at t = {t:.6g} s: {reason}") from reason
     if made.shape != (n,):
         raise ModelError(f"force, a function of time, must return ({n},) numbers, it returned the shape {made.shape}")

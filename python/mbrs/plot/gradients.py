@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from .._lib.checks import UNFIT
 from ..errors import ModelError
 from .figure import PALETTE, canvas, colours, figure, legend, style
 
@@ -87,7 +88,7 @@ def _amounts(result: Any, change: float | Mapping[str, float]) -> tuple[np.ndarr
 def _finite(name: str, value: Any) -> float:
     try:
         number = float(value)
-    except (TypeError, ValueError):
+    except UNFIT:
         number = np.nan
     if not np.isfinite(number):
         raise ModelError(f"{name} must be a finite number, got {value!r}")

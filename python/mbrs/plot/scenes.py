@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from .._lib.checks import UNFIT
 from ..errors import ModelError
 from ..view.drawing import first_look, grain, solids
 from ..view.scene import SceneGeometry
@@ -108,7 +109,7 @@ def _eye(view: Any, drawn: SceneGeometry) -> _Eye:
     try:
         azimuth, elevation = (float(v) for v in view)
         good = math.isfinite(azimuth) and math.isfinite(elevation)
-    except (TypeError, ValueError):
+    except UNFIT:
         good = False
     if not good:
         raise ModelError(f"view= must be 'xy', 'xz', 'yz' or (azimuth, elevation) in rad, got {view!r}")

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from .. import _core
 from .._lib.border import core_errors
+from .._lib.checks import UNFIT
 from ..errors import ModelError
 from .root_options import PATIENCE, Estimate, Limits, LineSearch, without_additions
 
@@ -214,7 +215,7 @@ def _start(x0: ArrayLike) -> _F1:
         raise ModelError("x0 is complex; split real and imaginary parts into separate unknowns")
     try:
         x = np.atleast_1d(x.astype(np.float64))
-    except (TypeError, ValueError):
+    except UNFIT:
         raise ModelError("x0 must be a one-dimensional array of numbers") from None
     if x.ndim != 1 or x.size == 0:
         raise ModelError(f"x0 has shape {x.shape}; give a one-dimensional array with at least one unknown")
@@ -239,7 +240,7 @@ def _check_start(function: _Function, x: _F1) -> None:
 def _scale(name: str, value: ArrayLike, n: int) -> _F1:
     try:
         scale = np.broadcast_to(np.asarray(value, dtype=np.float64), (n,)).copy()
-    except (TypeError, ValueError):
+    except UNFIT:
         raise ModelError(f"{name} must be a positive number or an array of {n} of them") from None
     if not (np.isfinite(scale).all() and (scale > 0).all()):
         raise ModelError(f"{name} must be positive and finite")
@@ -290,7 +291,7 @@ def _square(name: str, value: Any, n: int) -> NDArray[np.float64]:
         value = value.toarray()
     try:
         matrix = np.ascontiguousarray(value, dtype=np.float64)
-    except (TypeError, ValueError):
+    except UNFIT:
         raise ModelError(f"{name} must be an array ({n}, {n}) of real numbers") from None
     if matrix.shape != (n, n) or not np.isfinite(matrix).all():
         raise ModelError(f"{name} must be a finite array ({n}, {n}); it has shape {matrix.shape}")

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from .._lib.checks import UNFIT
 from ..errors import ModelError
 
 METHODS = ("inverse-bfgs", "broyden")
@@ -147,7 +148,7 @@ def without_additions(search: LineSearch, limits: Limits, estimate: Estimate) ->
 def _real(name: str, value: Any) -> float:
     try:
         return float(value)
-    except (TypeError, ValueError):
+    except UNFIT:
         raise ModelError(f"{name} is {value!r}; give a number") from None
 
 
@@ -170,7 +171,7 @@ def _count(name: str, value: Any) -> int:
 def _interval(determinant: Sequence[float]) -> tuple[float, float]:
     try:
         low, high = (float(v) for v in determinant)
-    except (TypeError, ValueError):
+    except UNFIT:
         raise ModelError("determinant must be a pair of numbers, least and largest ratio") from None
     if not 0 <= low < high:
         raise ModelError(f"determinant is ({low:g}, {high:g}); the first must be the smaller one and not negative")
@@ -184,7 +185,7 @@ def _pattern(sparsity: Any, n: int) -> tuple[list[int], list[int]] | None:
 
     try:
         pattern = scipy.sparse.csc_matrix(sparsity)
-    except (TypeError, ValueError):
+    except UNFIT:
         raise ModelError(f"sparsity must be an array or sparse matrix ({n}, {n})") from None
     if pattern.shape != (n, n):
         raise ModelError(f"sparsity has shape {pattern.shape}; it must be ({n}, {n})")

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
+from .._lib.checks import UNFIT
 from .._lib.progress import Progress
 from .._lib.text import Block, number, si
 from ..errors import Interrupted, MbrsError, ModelError
@@ -388,7 +389,7 @@ def _estimate(result: Any) -> float:
         return math.nan
     try:
         values = np.abs(np.asarray(own, dtype=float))
-    except (TypeError, ValueError):
+    except UNFIT:
         return math.nan
     return float(np.nanmax(values)) if values.size and not np.isnan(values).all() else math.nan
 

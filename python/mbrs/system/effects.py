@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache, cached_property
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
+from .._lib.checks import is_list
 from ..errors import ModelError
 from ..model.flexible import FlexibleBody
 from ..model.names import nearest, shown
@@ -174,7 +175,7 @@ def _deciding_numbers(model: Model) -> list[bytes]:
 def check_without(names: Any) -> tuple[str, ...]:
     """The effects to leave out, checked, in the order of `EFFECTS`; a single name may stand without a tuple."""
     given = (names,) if isinstance(names, str) else names
-    if not isinstance(given, Iterable):
+    if not is_list(given):
         raise ModelError(f"without= takes names of effects, got {shown(names)}")
     wanted = list(given)
     for name in wanted:
