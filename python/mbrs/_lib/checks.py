@@ -11,7 +11,7 @@ import numpy as np
 
 from ..errors import ModelError
 
-# what Python and NumPy raise for values that are no number of the wanted kind
+# what Python and NumPy raise for values that cannot be numbers of the wanted kind
 UNFIT = (TypeError, ValueError, OverflowError)
 LARGEST = 1e150  # its square is still a number
 
@@ -47,12 +47,12 @@ def flag(name: str, value: Any) -> bool:
 
 
 def is_word(value: Any, known: Iterable[str]) -> bool:
-    """Whether a value, which may be anything, is one of some words."""
+    """True for one of some words; the value may be anything."""
     return isinstance(value, str) and value in known
 
 
 def is_list(value: Any) -> bool:
-    """Whether a value, which may be anything, can be gone through; arrays without dimensions cannot."""
+    """True for what can be gone through; the value may be anything, and arrays without dimensions cannot."""
     return isinstance(value, Iterable) and getattr(value, "ndim", 1) != 0
 
 
