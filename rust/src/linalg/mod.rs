@@ -1,5 +1,6 @@
 //! Dense and sparse linear algebra that faer does not bring ready-made.
 pub mod balance;
+pub mod banded;
 pub mod dense;
 pub mod double_double;
 pub mod eigen;

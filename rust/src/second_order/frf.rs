@@ -1,23 +1,26 @@
 //! Transfer functions H(omega) = L Z^-1 F, Z = S - omega^2 M + i omega D, time dependence exp(+i omega t).
 //!
 //! Reduced once, then cheap per frequency, by the cheapest route that passes a check against refined direct solves:
-//! real modes (undamped or proportional) O(n) per entry, complex modes O(n), Hessenberg O(n^2), direct O(n^3).
+//! real modes (undamped or proportional) O(n) per entry, complex modes O(n), a band of half-width b O(n b^2) at all, Hessenberg O(n^2),
+//! direct O(n^3).
 use std::sync::Arc;
 
 use faer::{Mat, c64};
 
 use super::expansion::{ComplexModes, Expansion, RealModes};
+use super::frf_banded::Banded;
 use super::frf_routes::{Check, Entries, Evaluator, Solution, input_mix};
 use super::frf_singular;
 use super::linear_system::LinearSystem;
 use super::ports::{Ports, complex, i_omega};
 use super::state::StateSpace;
 use crate::error::{Error, Result};
+use crate::linalg::banded::{Band, LANES};
 use crate::linalg::hessenberg::Hessenberg;
 use crate::linalg::quadratic::{Factored, NormalForm};
 use crate::run::{Cancel, Counts};
 use crate::tolerances::frequency_response::{
-    ACCEPTED, FEW, MOST_PORTS, SAME_POLE, SLOWEST_CHECK, WORST_ACCEPTED, ZERO_ENTRY,
+    ACCEPTED, BAND_FIRST, FEW, MOST_PORTS, SAME_POLE, SLOWEST_CHECK, WORST_ACCEPTED, ZERO_ENTRY,
 };
 
 /// Complex modes with worse conditioned vectors are not worth a check.
@@ -29,6 +32,7 @@ const REFINEMENTS: usize = 3;
 pub enum Route {
     RealModes,
     ComplexModes,
+    Banded,
     Hessenberg,
     Direct,
 }
@@ -38,6 +42,7 @@ impl Route {
         match self {
             Route::RealModes => "real modes",
             Route::ComplexModes => "complex modes",
+            Route::Banded => "banded",
             Route::Hessenberg => "Hessenberg",
             Route::Direct => "direct",
         }
@@ -62,6 +67,10 @@ impl LinearSystem {
             Expansion::Real(_) => routes.push(Route::RealModes),
             Expansion::Complex(modes) if modes.condition < WORST_VECTORS => routes.push(Route::ComplexModes),
             _ => {}
+        }
+        if let Some(band) = self.band() {
+            let before = banded_first(band, expansion, ports);
+            routes.insert(if before { 0 } else { routes.len() }, Route::Banded);
         }
         // per frequency 4 n^2 (1 + outputs) operations against n^3 of a factorisation that runs about eight times faster
         let worth_reducing = self.size() > 22 * (1 + ports.n_out());
@@ -183,9 +192,10 @@ impl LinearSystem {
         let (n_out, n_in, n_freq) = (ports.n_out(), ports.n_in(), omega.len());
         let mut h = vec![c64::new(0.0, 0.0); n_out * n_in * n_freq];
         let mut singular = Vec::new();
-        for (k, &w) in omega.iter().enumerate() {
+        let found = omega.chunks(LANES).flat_map(|some| evaluator.several(some));
+        for ((k, &w), value) in omega.iter().enumerate().zip(found) {
             cancel.check()?;
-            let (value, powers_done) = match evaluator.at(w) {
+            let (value, powers_done) = match value {
                 Some(value) => (value, false),
                 None => {
                     let (value, is_singular) = frf_singular::transfer(self, ports, w)?;
@@ -274,6 +284,10 @@ impl LinearSystem {
         if let (Route::RealModes, Expansion::Real(modes)) = (route, expansion) {
             return real_evaluator(modes, ports, self.size());
         }
+        if let (Route::Banded, Some(band)) = (route, self.band()) {
+            let direct = Box::new(self.direct(ports, 0));
+            return Evaluator::Banded { banded: Banded::new(band, self, ports), direct };
+        }
         match (route, expansion, self.normal()) {
             (Route::ComplexModes, Expansion::Complex(modes), Some(form)) => {
                 complex_evaluator(form, modes, ports, self.size())
@@ -303,6 +317,19 @@ impl LinearSystem {
             refinements,
         }
     }
+}
+
+/// Is a band worth a try before modes, which lose the digits of small entries far away?
+fn banded_first(band: &Band, expansion: &Expansion, ports: &Ports) -> bool {
+    let (factorisation, column) = band.products();
+    let own = factorisation + column * ports.n_in();
+    let entries = band.size() * ports.n_out() * ports.n_in();
+    let modal = match expansion {
+        Expansion::Real(_) => entries,
+        Expansion::Complex(_) => 2 * entries,
+        Expansion::None => return true,
+    };
+    own as f64 <= BAND_FIRST * modal as f64
 }
 
 /// What a route may differ from refined direct solves.
@@ -499,6 +526,23 @@ mod tests {
             system.evaluate(&end_to_end(12), &omega, None, true, &Cancel::default()).unwrap().route
         };
         assert_eq!((route(1), route(8), route(9)), (Route::Direct, Route::Direct, Route::ComplexModes));
+    }
+
+    #[test]
+    fn bands_go_before_modes_for_several_ports() {
+        let n = 40;
+        let route = |count: usize| {
+            let ports = Ports {
+                l: Mat::from_fn(count, n, |i, j| (j == i) as u8 as f64),
+                f: Mat::from_fn(n, count, |i, j| (i == j) as u8 as f64),
+                order_in: vec![0; count],
+                order_out: 0,
+                d0: None,
+            };
+            let omega: Vec<f64> = (0..9).map(|k| 0.11 + 0.2 * k as f64).collect();
+            chain(n, |_| 0.03).evaluate(&ports, &omega, None, true, &Cancel::default()).unwrap().route
+        };
+        assert_eq!((route(1), route(6)), (Route::RealModes, Route::Banded));
     }
 
     #[test]

@@ -2,6 +2,7 @@
 use faer::linalg::matmul::matmul;
 use faer::{Accum, Mat, MatRef, Par, c64};
 
+use super::frf_banded::Banded;
 use super::ports::Ports;
 use crate::linalg::hessenberg::Hessenberg;
 use crate::linalg::quadratic::Quadratic;
@@ -9,13 +10,51 @@ use crate::tolerances::frequency_response::{BESIDE, ZERO_POLE};
 
 /// One route bound to its ports; `at` gives L Z^-1 F, or None where Z is (nearly) singular.
 pub enum Evaluator<'a> {
-    Real { lambda: Vec<f64>, damping: Vec<f64>, noise: Vec<f64>, left: Mat<f64>, right: Mat<c64> },
-    Complex { pole: Vec<c64>, left: Mat<c64>, right: Mat<c64>, noise: f64, largest: f64 },
-    Hessenberg { reduced: &'a Hessenberg, cq: Mat<f64>, qb: Mat<f64> },
-    Direct { q: &'a Quadratic, scale: &'a [f64], l: Mat<c64>, f: Mat<c64>, refinements: usize },
+    Real {
+        lambda: Vec<f64>,
+        damping: Vec<f64>,
+        noise: Vec<f64>,
+        left: Mat<f64>,
+        right: Mat<c64>,
+    },
+    Complex {
+        pole: Vec<c64>,
+        left: Mat<c64>,
+        right: Mat<c64>,
+        noise: f64,
+        largest: f64,
+    },
+    /// With direct solves where a band without pivots loses digits.
+    Banded {
+        banded: Banded<'a>,
+        direct: Box<Evaluator<'a>>,
+    },
+    Hessenberg {
+        reduced: &'a Hessenberg,
+        cq: Mat<f64>,
+        qb: Mat<f64>,
+    },
+    Direct {
+        q: &'a Quadratic,
+        scale: &'a [f64],
+        l: Mat<c64>,
+        f: Mat<c64>,
+        refinements: usize,
+    },
 }
 
 impl Evaluator<'_> {
+    /// `at` for each of up to `LANES` frequencies.
+    pub fn several(&self, omega: &[f64]) -> Vec<Option<Mat<c64>>> {
+        match self {
+            Evaluator::Banded { banded, direct } => {
+                let found = banded.several(omega);
+                omega.iter().zip(found).map(|(w, value)| value.or_else(|| direct.at(*w))).collect()
+            }
+            _ => omega.iter().map(|w| self.at(*w)).collect(),
+        }
+    }
+
     pub fn at(&self, w: f64) -> Option<Mat<c64>> {
         match self {
             Evaluator::Real { lambda, damping, noise, left, right } => {
@@ -44,6 +83,7 @@ impl Evaluator<'_> {
                 let weighted = Mat::from_fn(left.nrows(), left.ncols(), |i, r| left[(i, r)] * factor[r]);
                 Some(product(weighted.as_ref(), right.as_ref()))
             }
+            Evaluator::Banded { .. } => self.several(&[w]).pop()?,
             Evaluator::Hessenberg { reduced, cq, qb } => {
                 if w == 0.0 {
                     return None;

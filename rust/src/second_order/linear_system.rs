@@ -6,8 +6,10 @@ use faer::{Mat, c64};
 
 use super::SecondOrder;
 use super::expansion::Expansion;
+use super::frf_banded;
 use super::modal::{Eigensolution, Modal, eigensolution, modes};
 use crate::error::{Error, Result};
+use crate::linalg::banded::Band;
 use crate::linalg::dense::{is_finite, is_zero};
 use crate::linalg::hessenberg::Hessenberg;
 use crate::linalg::quadratic::{NormalForm, Quadratic};
@@ -51,6 +53,7 @@ pub struct LinearSystem {
     quadratic: OnceLock<Quadratic>,
     scale: OnceLock<Vec<f64>>,
     normal: OnceLock<Option<NormalForm>>,
+    band: OnceLock<Option<Band>>,
     solved: OnceLock<Result<Eigensolution>>,
     modes: OnceLock<Result<Modal>>,
     expansion: OnceLock<Expansion>,
@@ -84,6 +87,7 @@ impl LinearSystem {
             quadratic: OnceLock::new(),
             scale: OnceLock::new(),
             normal: OnceLock::new(),
+            band: OnceLock::new(),
             solved: OnceLock::new(),
             modes: OnceLock::new(),
             expansion: OnceLock::new(),
@@ -143,6 +147,11 @@ impl LinearSystem {
     /// The mass-normalised form, or None where M is not symmetric and positive definite.
     pub fn normal(&self) -> Option<&NormalForm> {
         self.normal.get_or_init(|| self.quadratic().normal_form()).as_ref()
+    }
+
+    /// The matrices in an order in which they have a narrow band, if there is one.
+    pub fn band(&self) -> Option<&Band> {
+        self.band.get_or_init(|| frf_banded::band(self.quadratic(), self.scale())).as_ref()
     }
 
     /// Modes as sums over them take them.

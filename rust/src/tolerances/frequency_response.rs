@@ -21,6 +21,21 @@ pub const MOST_PORTS: usize = 12;
 /// Pinned by `entries_are_compared_over_their_own_size`.
 pub const ZERO_ENTRY: f64 = 1e-13;
 
+/// Matrices have a narrow band up to this half-width, over the number of coordinates. Larger: bands are factorised that modes or Hessenberg
+/// forms beat. Smaller: chains with many neighbours are solved as full matrices.
+/// Pinned by `a_band_is_narrow_up_to_its_bound`.
+pub const NARROW: f64 = 1.0 / 16.0;
+
+/// A band is tried before modes up to so many products for each of theirs. Larger: strongly coupled systems take longer than by modes.
+/// Smaller: modes are tried in vain, whose check costs as much as some hundred frequencies.
+/// Pinned by `bands_go_before_modes_for_several_ports`.
+pub const BAND_FIRST: f64 = 2.0;
+
+/// Motion times dynamic stiffness over the load from which on a solution without pivots does not judge whether the stiffness is singular.
+/// Larger: infinite responses are large numbers. Smaller: time is lost near resonances without damping.
+/// Pinned by `near_a_resonance_another_route_answers`.
+pub const RESONANT: f64 = 1e12;
+
 /// Relative distance of frequencies to both sides that tell the size of an entry where it passes through zero. Larger: another resonance
 /// may be there. Smaller: an antiresonance right at a frequency makes transfer functions slow.
 /// Pinned by `entries_are_compared_over_their_own_size`.

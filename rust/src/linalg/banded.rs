@@ -1,0 +1,551 @@
+//! Z(w) = S - w^2 M + i w D of matrices whose entries lie near the diagonal, solved at several w at once, one lane each.
+//!
+//! Without pivots, so that all lanes do the same; a leading block may be near its own resonance then, and what an elimination has lost
+//! shows in the residual, is corrected, and is told where it cannot be.
+use crate::tolerances::matrices::BACKWARD;
+
+/// Frequencies at once.
+pub const LANES: usize = 8;
+/// Corrections of a solution.
+const CORRECTIONS: usize = 2;
+
+/// One number for each lane.
+pub type Reals = [f64; LANES];
+
+/// One complex number for each lane.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Lanes {
+    pub re: Reals,
+    pub im: Reals,
+}
+
+impl Lanes {
+    pub const ZERO: Lanes = Lanes { re: [0.0; LANES], im: [0.0; LANES] };
+
+    /// The same real number in all lanes.
+    pub fn real(x: f64) -> Lanes {
+        Lanes { re: [x; LANES], im: [0.0; LANES] }
+    }
+
+    /// S - w^2 M + i w D of one entry.
+    #[inline(always)]
+    pub fn dynamic([m, d, s]: [f64; 3], w: &Reals) -> Lanes {
+        let mut z = Lanes::ZERO;
+        for l in 0..LANES {
+            z.re[l] = s - w[l] * w[l] * m;
+            z.im[l] = w[l] * d;
+        }
+        z
+    }
+
+    #[inline(always)]
+    pub fn add(&mut self, a: &Lanes) {
+        for l in 0..LANES {
+            self.re[l] += a.re[l];
+            self.im[l] += a.im[l];
+        }
+    }
+
+    /// `self += x a`
+    #[inline(always)]
+    pub fn add_scaled(&mut self, x: f64, a: &Lanes) {
+        for l in 0..LANES {
+            self.re[l] += x * a.re[l];
+            self.im[l] += x * a.im[l];
+        }
+    }
+
+    /// `self -= a b`
+    #[inline(always)]
+    pub fn subtract(&mut self, a: &Lanes, b: &Lanes) {
+        for l in 0..LANES {
+            self.re[l] -= a.re[l] * b.re[l] - a.im[l] * b.im[l];
+            self.im[l] -= a.re[l] * b.im[l] + a.im[l] * b.re[l];
+        }
+    }
+
+    #[inline(always)]
+    pub fn times(&self, b: &Lanes) -> Lanes {
+        let mut out = Lanes::ZERO;
+        for l in 0..LANES {
+            out.re[l] = self.re[l] * b.re[l] - self.im[l] * b.im[l];
+            out.im[l] = self.re[l] * b.im[l] + self.im[l] * b.re[l];
+        }
+        out
+    }
+
+    #[inline(always)]
+    fn inverse(&self) -> Lanes {
+        let mut out = Lanes::ZERO;
+        for l in 0..LANES {
+            let part = 1.0 / (self.re[l] * self.re[l] + self.im[l] * self.im[l]);
+            out.re[l] = self.re[l] * part;
+            out.im[l] = -self.im[l] * part;
+        }
+        out
+    }
+
+    /// |re| + |im|
+    #[inline(always)]
+    pub fn size(&self) -> Reals {
+        let mut out = [0.0; LANES];
+        for (l, out) in out.iter_mut().enumerate() {
+            *out = self.re[l].abs() + self.im[l].abs();
+        }
+        out
+    }
+}
+
+/// M, D, S in an order in which their entries lie near the diagonal.
+#[derive(Debug, Clone)]
+pub struct Band {
+    n: usize,
+    half: usize,
+    /// new place of each old index
+    place: Vec<usize>,
+    /// M, D, S by rows of 2 half + 1 entries
+    entry: Vec<[f64; 3]>,
+}
+
+/// Row, column and the entries of M, D, S there.
+pub type Entry = (usize, usize, [f64; 3]);
+
+impl Band {
+    /// None where the half-bandwidth that was found exceeds `most`.
+    pub fn new(n: usize, entries: &[Entry], most: usize) -> Option<Band> {
+        let mut neighbours = vec![Vec::new(); n];
+        for &(i, j, _) in entries.iter().filter(|(i, j, _)| i != j) {
+            neighbours[i].push(j);
+            neighbours[j].push(i);
+        }
+        for own in &mut neighbours {
+            own.sort_unstable();
+            own.dedup();
+        }
+        let mut place = vec![0; n];
+        for (new, old) in order(&neighbours).into_iter().enumerate() {
+            place[old] = new;
+        }
+        let half = entries.iter().map(|(i, j, _)| place[*i].abs_diff(place[*j])).max().unwrap_or(0);
+        if half > most {
+            return None;
+        }
+        let width = 2 * half + 1;
+        let mut entry = vec![[0.0; 3]; n * width];
+        for &(i, j, parts) in entries {
+            let own = &mut entry[place[i] * width + half + place[j] - place[i]];
+            for (own, part) in own.iter_mut().zip(parts) {
+                *own += part;
+            }
+        }
+        Some(Band { n, half, place, entry })
+    }
+
+    pub fn size(&self) -> usize {
+        self.n
+    }
+
+    pub fn half_bandwidth(&self) -> usize {
+        self.half
+    }
+
+    /// New places of the old indices.
+    pub fn place(&self) -> &[usize] {
+        &self.place
+    }
+
+    /// Complex products of one factorisation, and of one right side with its residual, for one lane.
+    pub fn products(&self) -> (usize, usize) {
+        (self.n * (self.half + 1) * (self.half + 1), 2 * self.n * (2 * self.half + 1))
+    }
+
+    /// Z at these frequencies.
+    pub fn factored(&self, w: &Reals) -> Factored {
+        let mut z: Vec<Lanes> = self.entry.iter().map(|e| Lanes::dynamic(*e, w)).collect();
+        let kept = z.clone();
+        wide(Work::Factorise { lu: &mut z, n: self.n, half: self.half });
+        Factored { n: self.n, half: self.half, z: kept, lu: z }
+    }
+}
+
+/// Reverse Cuthill-McKee (E. Cuthill and J. McKee, ACM National Conference 1969): old indices in their new order.
+fn order(neighbours: &[Vec<usize>]) -> Vec<usize> {
+    let n = neighbours.len();
+    let mut by_degree: Vec<usize> = (0..n).collect();
+    by_degree.sort_by_key(|i| neighbours[*i].len());
+    let mut seen = vec![false; n];
+    let mut all = Vec::with_capacity(n);
+    for first in by_degree {
+        if seen[first] {
+            continue;
+        }
+        // from one end to the other
+        let (mut part, mut depth) = breadth_first(first, neighbours, &mut seen);
+        while let Some(&end) = part.last() {
+            part.iter().for_each(|i| seen[*i] = false);
+            let (other, farther) = breadth_first(end, neighbours, &mut seen);
+            let deeper = farther > depth;
+            (part, depth) = (other, farther);
+            if !deeper {
+                break;
+            }
+        }
+        all.append(&mut part);
+    }
+    all.reverse();
+    all
+}
+
+/// All that is connected with `first`, level by level, of few neighbours before those of many, and the number of levels.
+fn breadth_first(first: usize, neighbours: &[Vec<usize>], seen: &mut [bool]) -> (Vec<usize>, usize) {
+    let (mut found, mut begin, mut depth) = (vec![first], 0, 0);
+    seen[first] = true;
+    while begin < found.len() {
+        let end = found.len();
+        for at in begin..end {
+            let from = found.len();
+            for &j in &neighbours[found[at]] {
+                if !seen[j] {
+                    seen[j] = true;
+                    found.push(j);
+                }
+            }
+            found[from..].sort_by_key(|j| neighbours[*j].len());
+        }
+        (begin, depth) = (end, depth + 1);
+    }
+    (found, depth)
+}
+
+/// Z and its factors L (units on its diagonal) and U (inverses on its diagonal), by rows of 2 half + 1.
+pub struct Factored {
+    n: usize,
+    half: usize,
+    z: Vec<Lanes>,
+    lu: Vec<Lanes>,
+}
+
+/// X of Z X = F, (n, columns) by rows in the order of the band.
+pub struct Solved {
+    pub x: Vec<Lanes>,
+    /// what is left of F is no more than rounding, row by row
+    pub right: [bool; LANES],
+}
+
+impl Factored {
+    pub fn solve(&self, f: &[Lanes]) -> Solved {
+        let columns = f.len() / self.n;
+        let mut x = f.to_vec();
+        let mut residual = vec![Lanes::ZERO; f.len()];
+        let mut left = [0.0; LANES];
+        self.substitute(&mut x, columns);
+        for pass in 0..=CORRECTIONS {
+            left = [0.0; LANES];
+            wide(Work::Residual { own: self, columns, f, x: &x, residual: &mut residual, left: &mut left });
+            if pass == CORRECTIONS || left.iter().all(|l| *l == 0.0) {
+                break;
+            }
+            self.substitute(&mut residual, columns);
+            x.iter_mut().zip(&residual).for_each(|(x, r)| x.add(r));
+        }
+        Solved { x, right: left.map(|l| l == 0.0) }
+    }
+
+    fn substitute(&self, x: &mut [Lanes], columns: usize) {
+        wide(Work::Substitute { own: self, columns, x });
+    }
+
+    /// Squares of the Frobenius norm of Z.
+    pub fn norm_squared(&self) -> Reals {
+        squares(&self.z)
+    }
+}
+
+/// Sums of squares.
+pub fn squares(x: &[Lanes]) -> Reals {
+    let mut out = [0.0; LANES];
+    for x in x {
+        for l in 0..LANES {
+            out[l] += x.re[l] * x.re[l] + x.im[l] * x.im[l];
+        }
+    }
+    out
+}
+
+/// What is worth the widest instructions of this processor; every processor gives the same bits.
+enum Work<'a> {
+    Factorise {
+        lu: &'a mut [Lanes],
+        n: usize,
+        half: usize,
+    },
+    Substitute {
+        own: &'a Factored,
+        columns: usize,
+        x: &'a mut [Lanes],
+    },
+    Residual {
+        own: &'a Factored,
+        columns: usize,
+        f: &'a [Lanes],
+        x: &'a [Lanes],
+        residual: &'a mut [Lanes],
+        left: &'a mut Reals,
+    },
+}
+
+fn wide(work: Work<'_>) {
+    #[cfg(target_arch = "x86_64")]
+    if is_x86_feature_detected!("avx2") {
+        // SAFETY: the processor has the instructions.
+        return unsafe { wide_avx2(work) };
+    }
+    run(work);
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2")]
+fn wide_avx2(work: Work<'_>) {
+    run(work);
+}
+
+#[inline(always)]
+fn run(work: Work<'_>) {
+    match work {
+        Work::Factorise { lu, n, half } => factorise(lu, n, half),
+        Work::Substitute { own, columns, x } => substitute(own, columns, x),
+        Work::Residual { own, columns, f, x, residual, left } => remainder(own, columns, f, x, residual, left),
+    }
+}
+
+#[inline(always)]
+fn factorise(lu: &mut [Lanes], n: usize, half: usize) {
+    let width = 2 * half + 1;
+    for k in 0..n {
+        let (done, below) = lu.split_at_mut((k + 1) * width);
+        let row = &mut done[k * width..];
+        row[half] = row[half].inverse();
+        let last = half.min(n - 1 - k);
+        for down in 1..=last {
+            // column k of row k + down lies `down` before its diagonal
+            let own = &mut below[(down - 1) * width..down * width];
+            let l = own[half - down].times(&row[half]);
+            own[half - down] = l;
+            for right in 1..=last {
+                own[half - down + right].subtract(&l, &row[half + right]);
+            }
+        }
+    }
+}
+
+#[inline(always)]
+fn substitute(own: &Factored, columns: usize, x: &mut [Lanes]) {
+    let (n, half) = (own.n, own.half);
+    let width = 2 * half + 1;
+    for i in 0..n {
+        let row = &own.lu[i * width..(i + 1) * width];
+        let (above, rest) = x.split_at_mut(i * columns);
+        for back in 1..=half.min(i) {
+            let other = &above[(i - back) * columns..(i - back + 1) * columns];
+            for (x, o) in rest[..columns].iter_mut().zip(other) {
+                x.subtract(&row[half - back], o);
+            }
+        }
+    }
+    for i in (0..n).rev() {
+        let row = &own.lu[i * width..(i + 1) * width];
+        let (above, below) = x.split_at_mut((i + 1) * columns);
+        let mine = &mut above[i * columns..];
+        for on in 1..=half.min(n - 1 - i) {
+            for (x, o) in mine.iter_mut().zip(&below[(on - 1) * columns..on * columns]) {
+                x.subtract(&row[half + on], o);
+            }
+        }
+        for x in mine {
+            *x = x.times(&row[half]);
+        }
+    }
+}
+
+/// `residual` = F - Z X; counts in `left` where an entry exceeds rounding of the terms that it is the sum of.
+#[inline(always)]
+fn remainder(own: &Factored, columns: usize, f: &[Lanes], x: &[Lanes], residual: &mut [Lanes], left: &mut Reals) {
+    let (n, half) = (own.n, own.half);
+    let width = 2 * half + 1;
+    for i in 0..n {
+        let row = &own.z[i * width..(i + 1) * width];
+        let (from, to) = (i.saturating_sub(half), (i + half).min(n - 1));
+        for c in 0..columns {
+            let mut sum = f[i * columns + c];
+            let mut terms = sum.size();
+            for j in from..=to {
+                let (z, x) = (&row[half + j - i], &x[j * columns + c]);
+                sum.subtract(z, x);
+                let (z, x) = (z.size(), x.size());
+                for l in 0..LANES {
+                    terms[l] += z[l] * x[l];
+                }
+            }
+            let size = sum.size();
+            for l in 0..LANES {
+                // NaN is left, too
+                left[l] += if size[l] <= BACKWARD * terms[l] + f64::MIN_POSITIVE { 0.0 } else { 1.0 };
+            }
+            residual[i * columns + c] = sum;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use faer::prelude::*;
+    use faer::{Mat, c64};
+
+    use super::*;
+
+    /// A multiplicative congruential generator: numbers in (-1, 1).
+    struct Random(u64);
+
+    impl Random {
+        fn next(&mut self) -> f64 {
+            self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (self.0 >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
+        }
+
+        fn below(&mut self, n: usize) -> usize {
+            (0.5 * (self.next() + 1.0) * n as f64) as usize % n
+        }
+    }
+
+    /// An unsymmetric system of this half-bandwidth with shuffled rows and rows of sizes 10^-spread to 10^spread.
+    fn example(random: &mut Random, n: usize, half: usize, spread: f64) -> Vec<Entry> {
+        let mut name: Vec<usize> = (0..n).collect();
+        for i in (1..n).rev() {
+            name.swap(i, random.below(i + 1));
+        }
+        let size: Vec<f64> = (0..n).map(|_| 10.0_f64.powf(spread * random.next())).collect();
+        let mut entries = Vec::new();
+        for i in 0..n {
+            for j in i.saturating_sub(half)..=(i + half).min(n - 1) {
+                let own = if i == j { 2.0 * half as f64 + 1.0 } else { 0.0 };
+                let parts = [0.3 * random.next() + own, 0.2 * random.next(), random.next() + 2.0 * own];
+                entries.push((name[i], name[j], parts.map(|p| p * size[i] * size[j])));
+            }
+        }
+        entries
+    }
+
+    fn dense(n: usize, entries: &[Entry], w: f64) -> Mat<c64> {
+        let mut z = Mat::zeros(n, n);
+        for &(i, j, [m, d, s]) in entries {
+            z[(i, j)] += c64::new(s - w * w * m, w * d);
+        }
+        z
+    }
+
+    /// Largest distance from the dense solution over its size, row by row in units of that row, of the lanes that are right.
+    fn distance(n: usize, entries: &[Entry], w: &Reals, unit: &[f64], right: &mut usize) -> f64 {
+        let band = Band::new(n, entries, n).unwrap();
+        let columns = 3;
+        let mut f = vec![Lanes::ZERO; n * columns];
+        let load = |i: usize, c: usize| if i % (c + 2) == 0 { unit[i] } else { 0.0 };
+        for i in 0..n {
+            for c in 0..columns {
+                f[band.place()[i] * columns + c] = Lanes::real(load(i, c));
+            }
+        }
+        let solved = band.factored(w).solve(&f);
+        let mut worst = 0.0_f64;
+        for l in (0..LANES).filter(|l| solved.right[*l]) {
+            *right += 1;
+            let z = dense(n, entries, w[l]);
+            let scaled = Mat::from_fn(n, n, |i, j| z[(i, j)] / (unit[i] * unit[j]));
+            let expected =
+                scaled.partial_piv_lu().solve(Mat::from_fn(n, columns, |i, c| c64::new(load(i, c) / unit[i], 0.0)));
+            let error = Mat::from_fn(n, columns, |i, c| {
+                let x = &solved.x[band.place()[i] * columns + c];
+                c64::new(x.re[l], x.im[l]) * unit[i] - expected[(i, c)]
+            });
+            worst = worst.max(error.norm_max() / expected.norm_max());
+        }
+        worst
+    }
+
+    #[test]
+    fn random_systems_are_solved_as_by_dense_factorisation() {
+        let mut random = Random(7);
+        let mut right = 0;
+        for case in 0..40 {
+            let (n, half, spread) = (1 + random.below(60), random.below(7), [0.0, 6.0][case % 2]);
+            let entries = example(&mut random, n, half, spread);
+            let mut unit = vec![1.0; n];
+            for (i, j, parts) in &entries {
+                if i == j {
+                    unit[*i] = parts[0].sqrt();
+                }
+            }
+            let w: Reals = std::array::from_fn(|l| 0.4 * l as f64);
+            let worst = distance(n, &entries, &w, &unit, &mut right);
+            assert!(worst < 1e-10, "n = {n}, half = {half}: {worst}");
+        }
+        assert!(right > 40 * LANES * 9 / 10, "{right}");
+    }
+
+    fn chain(n: usize) -> Vec<Entry> {
+        let one = |i: usize| {
+            [(i, i, [1.0, 0.0, 2.0]), (i, (i + 1) % n, [0.0, 0.0, -1.0]), ((i + 1) % n, i, [0.0, 0.0, -1.0])]
+        };
+        (0..n).flat_map(one).filter(|(i, j, _)| i.abs_diff(*j) <= 1).collect()
+    }
+
+    #[test]
+    fn leading_blocks_in_resonance_are_corrected_or_told() {
+        // w^2 = 2 makes every second pivot of a chain zero, and beside it as small as the distance
+        let (n, mut right) = (20, 0);
+        let w: Reals = std::array::from_fn(|l| {
+            [2.0_f64, 2.0 + 1e-3, 2.0 + 1e-6, 2.0 + 1e-9, 2.0 - 1e-12, 0.7, 3.1, 0.5][l].sqrt()
+        });
+        let worst = distance(n, &chain(n), &w, &vec![1.0; n], &mut right);
+        assert!(worst < 1e-11 && right >= 6, "{worst} {right}");
+        let exact = [2.0_f64, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
+        let entries: Vec<Entry> =
+            chain(n).into_iter().map(|(i, j, [_, _, s])| (i, j, [s * (i == j) as u8 as f64, 0.0, s])).collect();
+        let band = Band::new(n, &entries, 1).unwrap();
+        // S - M of a chain has nothing on its diagonal: regular, but not without pivots
+        let solved = band.factored(&exact.map(|w| 0.5 * w)).solve(&vec![Lanes::real(1.0); n]);
+        assert_eq!(solved.right, std::array::from_fn(|l| l > 0));
+    }
+
+    #[test]
+    fn small_motions_far_away_keep_their_digits() {
+        // a chain below its band: each mass moves by a constant factor less than the one before
+        let n = 80;
+        let entries: Vec<Entry> =
+            chain(n).into_iter().map(|(i, j, [_, _, s])| (i, j, [0.0, 0.0, if i == j { 20.0 } else { s }])).collect();
+        let band = Band::new(n, &entries, 1).unwrap();
+        let mut f = vec![Lanes::ZERO; n];
+        f[band.place()[0]] = Lanes::real(1.0);
+        let solved = band.factored(&[0.0; LANES]).solve(&f);
+        let g = 1.0 / (10.0 + 99.0_f64.sqrt());
+        for i in 0..n {
+            let x = solved.x[band.place()[i]].re[3];
+            let expected = g.powi(i as i32 + 1) * (1.0 - g.powi(2 * (n - i) as i32)) / (1.0 - g.powi(2 * n as i32 + 2));
+            assert!((x / expected - 1.0).abs() < 1e-12, "{i}: {x} {expected}");
+        }
+    }
+
+    #[test]
+    fn orders_lie_near_the_diagonal() {
+        let mut random = Random(3);
+        for half in [1, 2, 5] {
+            let entries = example(&mut random, 90, half, 0.0);
+            let found = Band::new(90, &entries, 90).unwrap().half_bandwidth();
+            assert!(half <= found && found <= 2 * half, "{half} {found}");
+        }
+        // two parts, and one of a single index
+        let parts: Vec<Entry> =
+            chain(9).into_iter().filter(|(i, j, _)| (*i < 4) == (*j < 4) && i.max(j) < &8).collect();
+        assert_eq!(Band::new(9, &parts, 9).unwrap().half_bandwidth(), 1);
+        assert!(Band::new(90, &example(&mut random, 90, 5, 0.0), 3).is_none());
+    }
+}
