@@ -1,10 +1,14 @@
 //! Modes of a dense system as transfer functions and responses sum them up.
+use std::f64::consts::SQRT_2;
+
+use faer::linalg::solvers::PartialPivLu;
 use faer::prelude::*;
 use faer::{Mat, MatRef, c64};
 
-use super::modal::{Eigensolution, Modal};
+use super::modal::Eigensolution;
 use super::ports::complex;
-use crate::linalg::quadratic::{NormalForm, is_finite_complex};
+use crate::linalg::dense::{is_finite, real_times};
+use crate::linalg::quadratic::NormalForm;
 
 pub struct RealModes {
     /// (n, n) mass-normalised shapes and the squares of the natural frequencies; rigid modes are exactly zero
@@ -17,10 +21,12 @@ pub struct RealModes {
 }
 
 pub struct ComplexModes {
+    /// conjugates side by side, the one with Im > 0 first
     pub pole: Vec<c64>,
     /// rows of the eigenvectors that belong to z
-    pub top: Mat<c64>,
-    pub lu: faer::linalg::solvers::PartialPivLu<c64>,
+    top: Mat<c64>,
+    /// of the eigenvectors V, of a pair v, conj(v) their real and imaginary parts times sqrt 2: V times a unitary matrix
+    lu: PartialPivLu<f64>,
     /// 1-norm condition estimate of the eigenvectors
     pub condition: f64,
 }
@@ -28,9 +34,13 @@ pub struct ComplexModes {
 impl ComplexModes {
     /// V^-1 B: real states in modal coordinates.
     pub fn coordinates(&self, states: MatRef<'_, f64>) -> Mat<c64> {
-        let mut x = complex(states);
-        self.lu.solve_in_place(&mut x);
-        x
+        let mut parts = states.to_owned();
+        self.lu.solve_in_place(&mut parts);
+        Mat::from_fn(parts.nrows(), parts.ncols(), |i, j| match self.pole[i].im {
+            im if im > 0.0 => c64::new(parts[(i, j)], -parts[(i + 1, j)]) / SQRT_2,
+            im if im < 0.0 => c64::new(parts[(i - 1, j)], parts[(i, j)]) / SQRT_2,
+            _ => c64::new(parts[(i, j)], 0.0),
+        })
     }
 
     /// C V for an output map of the states that sees their first half only.
@@ -50,8 +60,15 @@ pub enum Expansion {
 }
 
 impl Expansion {
-    /// Modes that are uncoupled.
-    pub fn real(solved: &Eigensolution) -> Self {
+    /// The modes of a system, whose mass-normalised form, if its mass matrix has one, is `form`.
+    pub fn new<'a>(solved: &Eigensolution, form: impl FnOnce() -> Option<&'a NormalForm>) -> Self {
+        if solved.is_uncoupled() {
+            return Expansion::real(solved);
+        }
+        form().and_then(|form| ComplexModes::new(form, solved)).map_or(Expansion::None, Expansion::Complex)
+    }
+
+    fn real(solved: &Eigensolution) -> Self {
         let Some((pairs, shape)) = solved.uncoupled() else { return Expansion::None };
         Expansion::Real(RealModes {
             shape,
@@ -60,11 +77,6 @@ impl Expansion {
             damping: pairs.iter().map(|(s, partner)| -(s + partner).re).collect(),
             pole: pairs.iter().flat_map(|(s, partner)| [*s, *partner]).collect(),
         })
-    }
-
-    /// All modes of the system that `form`, if its mass matrix has one, belongs to.
-    pub fn complex(modal: &Modal, form: Option<&NormalForm>) -> Self {
-        form.and_then(|form| ComplexModes::new(form, modal)).map_or(Expansion::None, Expansion::Complex)
     }
 
     /// All 2n poles in rad/s.
@@ -79,43 +91,50 @@ impl Expansion {
 
 impl ComplexModes {
     /// Columns (z, z'/rate) of unit length; None where a vector is not finite.
-    fn new(form: &NormalForm, modal: &Modal) -> Option<Self> {
+    fn new(form: &NormalForm, solved: &Eigensolution) -> Option<Self> {
         let (n, rate) = (form.n(), form.rate());
-        let z = complex(form.l.transpose()) * &modal.shape;
-        let own = complex(form.l.transpose()) * &modal.partner_shape;
-        let mut pole = Vec::with_capacity(2 * n);
-        let mut vectors = Mat::<c64>::zeros(2 * n, 2 * n);
-        let mut put = |s: c64, of: &dyn Fn(usize) -> c64| {
-            let j = pole.len();
-            let size = (0..n).map(|i| of(i).norm_sqr() * (1.0 + (s / rate).norm_sqr())).sum::<f64>().sqrt();
+        let (roots, shape) = solved.roots();
+        let z = real_times(form.l.transpose(), shape.as_ref());
+        let (mut pole, mut top) = (Vec::with_capacity(2 * n), Mat::<c64>::zeros(n, 2 * n));
+        let mut parts = Mat::<f64>::zeros(2 * n, 2 * n);
+        for (k, &s) in roots.iter().enumerate() {
+            let (j, own) = (pole.len(), z.col(k));
+            let pair = s.im > 0.0;
+            if j + pair as usize >= 2 * n {
+                return None;
+            }
+            let size = own.norm_l2() * (1.0 + (s / rate).norm_sqr()).sqrt();
             for i in 0..n {
-                vectors[(i, j)] = of(i) / size;
-                vectors[(n + i, j)] = of(i) * s / (rate * size);
+                let v = [own[i] / size, own[i] * s / (rate * size)];
+                top[(i, j)] = v[0];
+                if pair {
+                    top[(i, j + 1)] = v[0].conj();
+                }
+                for (row, v) in [i, n + i].into_iter().zip(v) {
+                    parts[(row, j)] = if pair { SQRT_2 * v.re } else { v.re };
+                    if pair {
+                        parts[(row, j + 1)] = SQRT_2 * v.im;
+                    }
+                }
             }
             pole.push(s);
-        };
-        for (j, (&s, &partner)) in modal.s.iter().zip(&modal.partner).enumerate() {
-            put(s, &|i| z[(i, j)]);
-            match modal.partner_mode.iter().position(|mode| *mode == j) {
-                Some(k) => put(partner, &|i| own[(i, k)]),
-                None => put(partner, &|i| z[(i, j)].conj()),
-            }
+            pole.extend(pair.then(|| s.conj()));
         }
-        if !is_finite_complex(vectors.as_ref()) {
+        if pole.len() < 2 * n || !is_finite(parts.as_ref()) {
             return None;
         }
-        let lu = vectors.partial_piv_lu();
-        let condition = vectors_condition(vectors.as_ref(), &lu);
-        Some(ComplexModes { pole, top: vectors.subrows(0, n).to_owned(), lu, condition })
+        let lu = parts.partial_piv_lu();
+        let condition = vectors_condition(parts.as_ref(), &lu);
+        Some(ComplexModes { pole, top, lu, condition })
     }
 }
 
 /// Hager's estimate of |V|_1 |V^-1|_1 (Higham, Accuracy and Stability of Numerical Algorithms, algorithm 15.4 without its last test).
-fn vectors_condition(v: MatRef<'_, c64>, lu: &faer::linalg::solvers::PartialPivLu<c64>) -> f64 {
+fn vectors_condition(v: MatRef<'_, f64>, lu: &PartialPivLu<f64>) -> f64 {
     let n = v.nrows();
-    let column_sum = |a: MatRef<'_, c64>, j: usize| (0..n).map(|i| a[(i, j)].norm()).sum::<f64>();
+    let column_sum = |a: MatRef<'_, f64>, j: usize| (0..n).map(|i| a[(i, j)].abs()).sum::<f64>();
     let norm = (0..n).map(|j| column_sum(v, j)).fold(0.0, f64::max);
-    let mut x = Mat::from_fn(n, 1, |_, _| c64::new(1.0 / n as f64, 0.0));
+    let mut x = Mat::from_fn(n, 1, |_, _| 1.0 / n as f64);
     let mut estimate = 0.0_f64;
     for _ in 0..5 {
         lu.solve_in_place(&mut x);
@@ -127,15 +146,12 @@ fn vectors_condition(v: MatRef<'_, c64>, lu: &faer::linalg::solvers::PartialPivL
             break;
         }
         estimate = size;
-        let mut sign = Mat::from_fn(n, 1, |i, _| {
-            let a = x[(i, 0)];
-            if a.norm() > 0.0 { a / a.norm() } else { c64::new(1.0, 0.0) }
-        });
-        lu.solve_adjoint_in_place(&mut sign);
-        let largest = (0..n).max_by(|a, b| sign[(*a, 0)].norm().total_cmp(&sign[(*b, 0)].norm()));
+        let mut sign = Mat::from_fn(n, 1, |i, _| 1.0_f64.copysign(x[(i, 0)]));
+        lu.solve_transpose_in_place(&mut sign);
+        let largest = (0..n).max_by(|a, b| sign[(*a, 0)].abs().total_cmp(&sign[(*b, 0)].abs()));
         let Some(largest) = largest else { break };
         x = Mat::zeros(n, 1);
-        x[(largest, 0)] = c64::new(1.0, 0.0);
+        x[(largest, 0)] = 1.0;
     }
     norm * estimate
 }

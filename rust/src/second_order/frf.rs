@@ -239,12 +239,7 @@ impl LinearSystem {
             let sum: f64 = mix.iter().enumerate().map(|(j, r)| ports.f[(i, j)] * r).sum();
             c64::new(sum, 0.0)
         });
-        // each input, each output as an input
-        let each = Mat::from_fn(self.size(), inputs.len() + outputs.len(), |i, j| {
-            let own = j < inputs.len();
-            c64::new(if own { ports.f[(i, inputs[j])] } else { ports.l[(outputs[j - inputs.len()], i)] }, 0.0)
-        });
-        let each = Arc::new(Each { inputs, outputs, load: each });
+        let each = Arc::new(Each::new(ports, inputs, outputs));
         let mut checks = Vec::new();
         for &index in samples {
             counts.add("check solves", 1);
@@ -351,10 +346,30 @@ fn spread(count: usize) -> Vec<usize> {
 struct Each {
     inputs: Vec<usize>,
     outputs: Vec<usize>,
+    /// Column of each output.
+    column: Vec<usize>,
+    /// Each input, each output as an input unless it equals one.
     load: Mat<c64>,
 }
 
 impl Each {
+    fn new(ports: &Ports, inputs: Vec<usize>, outputs: Vec<usize>) -> Self {
+        let n = ports.f.nrows();
+        let (mut alone, mut column) = (Vec::new(), Vec::new());
+        for &output in &outputs {
+            let same = |&j: &usize| (0..n).all(|i| ports.f[(i, j)] == ports.l[(output, i)]);
+            column.push(inputs.iter().position(same).unwrap_or(inputs.len() + alone.len()));
+            if column.last().is_some_and(|j| *j >= inputs.len()) {
+                alone.push(output);
+            }
+        }
+        let load = Mat::from_fn(n, inputs.len() + alone.len(), |i, j| {
+            let own = j < inputs.len();
+            c64::new(if own { ports.f[(i, inputs[j])] } else { ports.l[(alone[j - inputs.len()], i)] }, 0.0)
+        });
+        Each { inputs, outputs, column, load }
+    }
+
     fn entries<'a>(self: Arc<Self>, ports: &'a Ports, factored: Factored<'a>) -> Entries<'a> {
         let plain = self.solution(ports, &factored.plain(self.load.as_ref()));
         Entries {
@@ -372,7 +387,7 @@ impl Each {
         let under_itself = |j: usize| (0..x.nrows()).map(|i| x[(i, j)] * self.load[(i, j)].re).sum::<c64>().norm();
         let (n_out, n_in) = (self.outputs.len(), self.inputs.len());
         let seen = |i: usize, j: usize| (0..x.nrows()).map(|k| x[(k, j)] * ports.l[(self.outputs[i], k)]).sum::<c64>();
-        let zero = |i: usize, j: usize| ZERO_ENTRY * (under_itself(n_in + i) * under_itself(j)).sqrt();
+        let zero = |i: usize, j: usize| ZERO_ENTRY * (under_itself(self.column[i]) * under_itself(j)).sqrt();
         Solution { value: Mat::from_fn(n_out, n_in, seen), zero: Mat::from_fn(n_out, n_in, zero) }
     }
 }

@@ -7,7 +7,7 @@ use faer::{Mat, c64};
 use super::SecondOrder;
 use super::expansion::Expansion;
 use super::frf_banded;
-use super::modal::{Eigensolution, Modal, eigensolution, modes};
+use super::modal::{Eigensolution, Modal, eigensolution};
 use crate::error::{Error, Result};
 use crate::linalg::banded::Band;
 use crate::linalg::dense::{is_finite, is_zero};
@@ -158,18 +158,13 @@ impl LinearSystem {
     pub fn expansion(&self, counts: &mut Counts) -> &Expansion {
         self.expansion.get_or_init(|| {
             if let Ok(solved) = self.solved(counts) {
-                if solved.is_uncoupled() {
-                    return Expansion::real(solved);
-                }
-                if let Ok(modal) = self.modes(counts) {
-                    return Expansion::complex(modal, self.normal());
-                }
+                return Expansion::new(solved, || self.normal());
             }
             // damping or stiffness that was not given in symmetric and skew parts
-            match SecondOrder::split(self.quadratic()).and_then(|system| modes(&system)) {
-                Ok(modal) => {
-                    counts.merge(&modal.counts);
-                    Expansion::complex(&modal, self.normal())
+            match SecondOrder::split(self.quadratic()).and_then(|system| eigensolution(&system)) {
+                Ok(solved) => {
+                    counts.merge(&solved.counts);
+                    Expansion::new(&solved, || self.normal())
                 }
                 Err(_) => Expansion::None,
             }

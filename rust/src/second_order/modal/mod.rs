@@ -25,7 +25,7 @@ use crate::second_order::{SecondOrder, massless};
 
 use crate::tolerances::matrices::PIVOT;
 use crate::tolerances::modes::{GRADED, LIGHTEST, MASSLESS};
-use quality::Correction;
+use quality::{Correction, Terms, corrected_roots};
 pub use subspace::largest_component;
 
 /// What a mode is. The list is closed.
@@ -179,6 +179,34 @@ impl Eigensolution {
             if mode.rigid { error * error } else { (2.0 * error + 4.0 * f64::EPSILON) * square }
         };
         self.raw.modes.iter().map(own).collect()
+    }
+
+    /// All roots in ascending order of their modes, of a complex pair the one with Im > 0, with shapes of any size (columns): corrected to
+    /// first order, not judged.
+    pub fn roots(&self) -> (Vec<C>, Mat<C>) {
+        let mut modes: Vec<&RawMode> = self.raw.modes.iter().collect();
+        modes.sort_by(|a, b| a.s.norm().total_cmp(&b.s.norm()));
+        let (mut s, mut vectors) = (Vec::new(), Vec::new());
+        for mode in modes {
+            s.push(mode.s);
+            vectors.push((&mode.x, mode.y.as_ref().unwrap_or(&mode.x)));
+            if mode.s.im == 0.0 {
+                let x = mode.partner_x.as_ref().unwrap_or(&mode.x);
+                s.push(mode.partner);
+                vectors.push((x, mode.partner_y.as_ref().unwrap_or(x)));
+            }
+        }
+        let n = self.scale.len();
+        let mut x = Mat::from_fn(n, s.len(), |i, j| vectors[j].0[i]);
+        let y = (!self.system.is_symmetric()).then(|| Mat::from_fn(n, s.len(), |i, j| vectors[j].1[i]));
+        let y = y.as_ref().map_or(x.as_ref(), |y| y.as_ref());
+        corrected_roots(&Terms::new(&self.system), &mut s, x.as_ref(), y, self.raw.correction);
+        for j in 0..s.len() {
+            for i in 0..n {
+                x[(i, j)] *= self.scale[i];
+            }
+        }
+        (s, x)
     }
 
     /// Pairs of roots with shapes of unit mass (columns) where modes are uncoupled; None where the mass matrix has a pivot of rounding.

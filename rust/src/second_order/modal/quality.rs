@@ -134,7 +134,8 @@ pub fn evaluate(
         let (x, y) = (x.col(j), left.as_ref().map_or(x, |(y, _)| *y).col(j));
         let judged = |s: C| judge(terms, s, j, &products, &moduli, x, y);
         let mut quality = judged(*s);
-        if let Some(better) = corrected(*s, &quality, correction) {
+        let step = quality.defect / quality.denominator;
+        if let Some(better) = corrected(*s, step, quality.separation, correction) {
             *s = better;
             quality = judged(better);
         }
@@ -147,13 +148,33 @@ pub fn evaluate(
     all
 }
 
-fn corrected(s: C, quality: &Quality, correction: Correction) -> Option<C> {
+/// Moves the roots by their first-order errors, without estimates of what is left.
+pub fn corrected_roots(terms: &Terms, s: &mut [C], x: MatRef<'_, C>, y: MatRef<'_, C>, correction: Correction) {
+    if correction == Correction::None {
+        return;
+    }
+    let products = terms.products(x, false);
+    for (j, s) in s.iter_mut().enumerate() {
+        let (y, m) = (y.col(j), products.m.col(j));
+        let (mut denominator, mut slope) = (2.0 * *s * dot(y, m), 2.0 * s.norm() * m.norm_l2());
+        if let Some(d) = &products.d {
+            denominator += dot(y, d.col(j));
+            slope += d.col(j).norm_l2();
+        }
+        slope *= y.norm_l2();
+        let defect: C = (0..y.nrows()).map(|i| y[i] * products.residual(*s, i, j)).sum();
+        let separation = if slope > 0.0 { denominator.norm() / slope } else { 0.0 };
+        *s = corrected(*s, defect / denominator, separation, correction).unwrap_or(*s);
+    }
+}
+
+/// `step` is the first-order error.
+fn corrected(s: C, mut step: C, separation: f64, correction: Correction) -> Option<C> {
     // larger steps are not corrections, and near a double root the first order says nothing
     const LARGEST: f64 = 1e-3;
-    if correction == Correction::None || quality.separation < SEPARATED {
+    if correction == Correction::None || separation < SEPARATED {
         return None;
     }
-    let mut step = quality.defect / quality.denominator;
     match correction {
         Correction::Imaginary => step.re = 0.0,
         _ if s.im == 0.0 => step.im = 0.0,
