@@ -80,6 +80,39 @@ def test_order_five_at_oblique_axes(make, seed):
     assert errors[-1] < 1e-12 or max(slopes) > 4.6
 
 
+@pytest.mark.filterwarnings("ignore::mbrs.errors.MbrsWarning")
+@pytest.mark.parametrize(
+    ("make", "seed"), [(tilted_pendulum, 0), (tilted_pendulum, 1), (tilted_pendulum, 2), (oblique_four_bar, 0)]
+)
+def test_order_nine(make, seed):
+    """Three to six steps: errors fall from 1e-9 to rounding. In other draws the error changes its sign among so few steps."""
+    m = make(np.random.default_rng(seed))
+    exact = mb.simulate(m, [0.6], rtol=1e-13, method="explicit").point("tip")[-1]
+    steps = np.array([3, 4, 6])
+    errors = np.array(
+        [
+            np.abs(mb.simulate(m, [0.6], step=0.6 / n, method="radau", order=9).point("tip")[-1] - exact).max()
+            for n in steps
+        ]
+    )
+    slopes = np.log(errors[:-1] / errors[1:]) / np.log(steps[1:] / steps[:-1])
+    clear = slopes[errors[1:] > 4e-13]
+    print(f"{make.__name__} {seed}: {errors}, orders {slopes.round(2)}")
+    assert np.any(np.abs(clear - 9.0) < 0.3)
+
+
+def test_order_nine_holds_between_steps():
+    problem = zoo.five_bar()
+    errors = [
+        problem.error_of(
+            mb.simulate(problem.model, np.linspace(0, problem.t, 83)[1:], step=problem.t / n, method="radau", order=9)
+        )
+        for n in (5, 10)
+    ]
+    print(errors)
+    assert errors[1] < 2e-8 and np.log2(errors[0] / errors[1]) > 6.0
+
+
 @pytest.mark.parametrize("rtol", [1e-4, 1e-6, 1e-8])
 def test_a_stiff_governor(rtol):
     """Springs of 8e5 N/m in the place of rods: 1.3e4 1/s beside a motion of 6 rad/s."""
@@ -119,17 +152,28 @@ def test_errors_do_not_grow_with_stiffness(stiff):
     assert error < 2e-4 and len(traj.steps) < (2000 if stiff == 1e4 else 200)
 
 
-def test_estimates_tell_the_error():
+@pytest.mark.parametrize("order", [5, 9])
+def test_estimates_tell_the_error(order):
     ratios = []
     for name in ("double_pendulum", "free_body", "five_bar", "skate", "slider_crank", "bead_on_arm", "rolling_disc"):
         problem = zoo.SMOOTH[name]()
         for rtol in (1e-4, 1e-6, 1e-8):
-            traj = mb.simulate(problem.model, np.linspace(0, problem.t, 11), rtol=rtol, method="radau")
+            traj = mb.simulate(problem.model, np.linspace(0, problem.t, 11), rtol=rtol, method="radau", order=order)
             error = problem.error_of(traj)
             ratios.append(traj.error / error)
             print(f"{name}, {rtol:.0e}: {error:.1e}, estimated over true {ratios[-1]:.2f}")
             assert error < 60 * rtol
     assert np.mean([0.1 < r < 10 for r in ratios]) >= 0.95
+
+
+def test_order_nine_takes_fewer_and_larger_steps_at_tight_tolerances():
+    problem = zoo.five_bar()
+    counts = [
+        mb.simulate(problem.model, problem.t, rtol=1e-10, method="radau", order=order).stats.counts for order in (5, 9)
+    ]
+    five, nine = (3 * counts[0]["iterations"], 5 * counts[1]["iterations"])
+    print(counts, five, nine)
+    assert counts[1]["steps"] < counts[0]["steps"] / 4 and nine < five / 2
 
 
 def test_matrices_are_kept_and_the_explicit_method_has_none():
@@ -176,3 +220,15 @@ def test_a_stiff_part_beside_a_small_vibration_holds_no_steps(seed):
     off = np.abs(alone.position("payload")[-1] - beside.position("payload")[-1]).max()
     print(f"w {np.sqrt(w2):.1e} 1/s: {len(alone.steps)} and {len(beside.steps)} steps, {off:.1e} m apart")
     assert len(beside.steps) < 2 * len(alone.steps) and off < 1e-8
+
+
+def test_order_is_five_or_nine_and_belongs_to_radau():
+    m = zoo.double_pendulum().model
+    with pytest.raises(ModelError, match="order= is 5 or 9"):
+        mb.simulate(m, 0.1, method="radau", order=7)
+    with pytest.raises(ModelError, match='belongs to method="radau"'):
+        mb.simulate(m, 0.1, method="bdf", order=5)
+    with pytest.raises(ModelError, match="order 5"):
+        mb.simulate(m, 0.1, step=0.1, method="radau", order=9, parameters="upper.mass")
+    five, plain = (mb.simulate(m, 0.1, rtol=1e-6, method="radau", **more) for more in ({"order": 5}, {}))
+    assert np.array_equal(five.q, plain.q)

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 METHODS = ("auto", "explicit", "generalized-alpha", "radau", "bdf", "bdf-bfgs", "ali3p")
 # of the error over the step
-ORDER = {"explicit": 8, "generalized-alpha": 2, "radau": 5, "bdf": 4, "bdf-bfgs": 4, "ali3p": 2}
+ORDER = {"explicit": 8, "generalized-alpha": 2, "radau": 5, "radau/9": 9, "bdf": 4, "bdf-bfgs": 4, "ali3p": 2}
 # their error is estimated by a tighter run, that of the others by a looser one
 TIGHTENED = frozenset({"explicit", "radau", "bdf", "bdf-bfgs"})
 TIGHTEST, LOOSEST = 1e-13, 1e-1
@@ -52,8 +52,14 @@ def with_served_tolerance(options: dict[str, Any], snapshot: Snapshot) -> dict[s
     return {**options, "rtol": max(options["rtol"], least)}
 
 
-def variant(method: str, form: Any, update: Any, coordinates: Any) -> str:
-    """The method with what belongs to it, as the core names it: "explicit/tree", "bdf-bfgs/ggl/auto"."""
+def variant(method: str, form: Any, update: Any, coordinates: Any, order: Any) -> str:
+    """The method with what belongs to it, as the core names it: "explicit/tree", "radau/9", "bdf-bfgs/ggl/auto"."""
+    if order is not None:
+        if isinstance(order, bool) or order not in (5, 9):
+            raise ModelError(f"order= is 5 or 9, got {shown(order)}")
+        if method != "radau":
+            raise ModelError(f'order= belongs to method="radau", not to {shown(method)}')
+        method = f"radau/{int(order)}"
     if coordinates is not None:
         if not is_word(coordinates, ("tree", "independent")):
             raise ModelError(f"coordinates= is 'tree', 'independent' or 'absolute', got {shown(coordinates)}")
@@ -109,6 +115,12 @@ def with_sensitivities(m: Model, parameters: Any, method: str, coordinates: Any)
         raise ModelError(f"parameters= takes an address or a list of them, got {shown(parameters)}")
     directions(m, parameters)
     return method, "tree" if method == "explicit" else coordinates
+
+
+def refuse_order_nine(order: Any, parameters: Any) -> None:
+    """Nine in a motion that is differentiated."""
+    if parameters is not None and order == 9:
+        raise ModelError('sensitivities of "radau" are those of order 5; leave out order=9, or parameters=')
 
 
 def refuse_output_times(options: Mapping[str, Any], parameters: Any) -> None:

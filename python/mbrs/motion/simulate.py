@@ -36,6 +36,7 @@ from .options import (
     penalised,
     refuse_options_of_matrices,
     refuse_options_of_models,
+    refuse_order_nine,
     refuse_output_times,
     variant,
     with_sensitivities,
@@ -76,6 +77,7 @@ def simulate(
     form: str | None = None,
     update: str | None = None,
     coordinates: str | None = None,
+    order: int | None = None,
     max_step: float | None = None,
     first_step: float | None = None,
     max_steps: int | None = None,
@@ -96,6 +98,7 @@ def simulate(
     rho: float | None = None,
     form: str | None = None,
     update: str | None = None,
+    order: int | None = None,
     max_step: float | None = None,
     first_step: float | None = None,
     max_steps: int | None = None,
@@ -118,6 +121,7 @@ def simulate(
     form: str | None = None,
     update: str | None = None,
     coordinates: str | None = None,
+    order: int | None = None,
     max_step: float | None = None,
     first_step: float | None = None,
     max_steps: int | None = None,
@@ -148,7 +152,7 @@ def simulate(
         s; fixed steps instead.
     method
         "auto" chooses from what the scene contains and says why in ``stats.route``; "explicit" (order 8, for scenes that
-        are not stiff); "radau" (Radau IIA of order 5, for stiff scenes); "generalized-alpha" (order 2, on the Lie group);
+        are not stiff); "radau" (Radau IIA of order 5 or 9, for stiff scenes); "generalized-alpha" (order 2, on the Lie group);
         "bdf" (orders 1 to 5 with Newton's method, for stiff scenes with costly forces; order 4 with ``step``); "bdf-bfgs"
         (order 4, no tangent: the equations of a step are solved by inverse quasi-Newton updates, see `mb.root`; it warns of
         undamped modes that it amplifies); "ali3p" (index-3 augmented Lagrangian with projections, order 2: the scheme whose
@@ -172,6 +176,9 @@ def simulate(
         beside those of drives, as in most texts. The motion is the same, at the cost of all its rows; ``at`` is None or a state
         of such a motion. Rows do not count turns: angles of hinges lie within half a turn, and a motion in which a spring or law of a hinge
         passes it stops.
+    order
+        "radau": 5 (default; three stages) or 9 (five stages: fewer and dearer steps, for tight tolerances). With ``parameters``, and in
+        `mb.gradient`, it is 5.
     max_step, first_step
         s; limits of the controlled steps.
     max_steps
@@ -234,7 +241,7 @@ def simulate(
         of_models = dict(at=at, coordinates=coordinates, parameters=parameters, penalty=penalty, passes=passes)
         refuse_options_of_models(of_models, without)
         given: dict[str, Any] = dict(rtol=rtol, step=step, method=method, rho=rho, form=form, update=update)
-        given |= dict(max_step=max_step, first_step=first_step, max_steps=max_steps)
+        given |= dict(order=order, max_step=max_step, first_step=first_step, max_steps=max_steps)
         return simulate_matrices(m, t, loads, x0, v0, given, simulate, _compared_with)
     refuse_options_of_matrices(dict(loads=loads, x0=x0, v0=v0))
     start = time.perf_counter()
@@ -247,7 +254,8 @@ def simulate(
     options = motion_options(t, rtol, step, method, state)
     options |= limits(rho, max_step, first_step, max_steps, options["end"] - state.t)
     options |= penalised(method, penalty, passes, parameters)
-    options["method"] = variant(method, form, update, None if absolute else coordinates)
+    options["method"] = variant(method, form, update, None if absolute else coordinates, order)
+    refuse_order_nine(order, parameters)
     refuse_output_times(options, parameters)
     served = with_served_tolerance(options, snapshot)
     made, snapshot, wake = _integrated(m, snapshot, state, without, served, absolute)
@@ -399,6 +407,11 @@ def _warn_of_start(m: Model, made: dict[str, Any]) -> None:
             )
 
 
+def _order(method: str, asked: str) -> int:
+    """Order of the method that ran; some have several."""
+    return ORDER.get(asked, ORDER[method])
+
+
 def _compared_with(traj: Trajectory, options: dict[str, Any]) -> tuple[dict[str, Any], float]:
     """Options of the run that the error is estimated with, and the factor from the distance of both to the error.
 
@@ -406,7 +419,7 @@ def _compared_with(traj: Trajectory, options: dict[str, Any]) -> tuple[dict[str,
     one; methods of order two could not afford it. The whole distance to a looser run counts, which may be as good by chance.
     """
     if "step" in options:
-        return {"step": 2.0 * options["step"]}, 1.0 / (2.0 ** ORDER[traj.method] - 1.0)
+        return {"step": 2.0 * options["step"]}, 1.0 / (2.0 ** _order(traj.method, options["method"]) - 1.0)
     rtol, looser = options["rtol"], {"rtol": min(10.0 * options["rtol"], 1.0)}
     if traj.method not in TIGHTENED:
         return looser, 1.0 / 9.0

@@ -11,16 +11,31 @@ pub fn quintic(eq: &Equations<'_, f64>, from: &Instant, to: &Instant, h: f64, fr
     let (v0, a0) = (&from.motion.rate, &from.acceleration);
     let v1 = eq.increment_rates(&theta, &to.motion.rate);
     let a1 = end_acceleration(eq, &theta, &v1, to);
+    let curve = |x: f64| {
+        let mut increment = vec![0.0; n];
+        let mut speed = vec![0.0; n];
+        for i in 0..n {
+            let ends = [theta[i], h * v0[i], h * v1[i], h * h * a0[i], h * h * a1[i]];
+            (increment[i], speed[i]) = value_and_slope(x, ends);
+            speed[i] /= h;
+        }
+        (increment, speed)
+    };
+    inside(eq, from, to, (h, fractions), &curve)
+}
+
+/// Motions at fractions of a step by increments from its start, and their rates; states of laws by their own.
+pub fn inside(
+    eq: &Equations<'_, f64>,
+    from: &Instant,
+    to: &Instant,
+    (h, fractions): (f64, &[f64]),
+    curve: &dyn Fn(f64) -> (Vec<f64>, Vec<f64>),
+) -> Vec<Motion<f64>> {
     let mut inside: Vec<Motion<f64>> = fractions
         .iter()
         .map(|x| {
-            let mut increment = vec![0.0; n];
-            let mut speed = vec![0.0; n];
-            for i in 0..n {
-                let ends = [theta[i], h * v0[i], h * v1[i], h * h * a0[i], h * h * a1[i]];
-                (increment[i], speed[i]) = value_and_slope(*x, ends);
-                speed[i] /= h;
-            }
+            let (increment, speed) = curve(*x);
             let mut m = from.motion.moved(eq.topology(), &increment);
             m.t = from.motion.t + x * h;
             m.rate = eq.rates_of_increments(&increment, &speed);

@@ -14,7 +14,7 @@ use super::driver::{Plan, Progress, Run, Steps, drive};
 use super::explicit_minimal::Minimal;
 use super::explicit8::{Coordinates, Explicit8};
 use super::generalized_alpha::GeneralizedAlpha;
-use super::radau::Radau;
+use super::radau::{FIVE, NINE, Radau, Tableau};
 use super::share::share;
 use super::{Equations, Instant, Motion, Scheme, scaled_size};
 
@@ -28,7 +28,7 @@ pub enum Method {
     Ali3p(Weight, Option<Penalty>),
     BdfBfgs(Form, Option<Family>),
     Bdf,
-    Radau,
+    Radau(&'static Tableau),
 }
 
 /// What generalised-alpha leaves of infinitely fast oscillations, unless it is told otherwise.
@@ -42,7 +42,8 @@ impl Method {
             "explicit/independent" => Ok(Method::Explicit(Some(Coordinates::Independent))),
             "explicit/tree" => Ok(Method::Explicit(Some(Coordinates::Tree))),
             "bdf" => Ok(Method::Bdf),
-            "radau" => Ok(Method::Radau),
+            "radau" | "radau/5" => Ok(Method::Radau(&FIVE)),
+            "radau/9" => Ok(Method::Radau(&NINE)),
             "generalized-alpha" => Ok(Method::GeneralizedAlpha(rho.unwrap_or(RHO))),
             "ali3p" => Ok(Method::Ali3p(Weight::Tangent, penalty)),
             name if name.starts_with("bdf-bfgs") => {
@@ -66,7 +67,7 @@ impl Method {
             Method::Ali3p(..) => "ali3p",
             Method::BdfBfgs(..) => "bdf-bfgs",
             Method::Bdf => "bdf",
-            Method::Radau => "radau",
+            Method::Radau(_) => "radau",
         }
     }
 
@@ -82,7 +83,7 @@ impl Method {
             Method::Ali3p(weight, penalty) => Box::new(Ali3p::new(*weight, *penalty)),
             Method::BdfBfgs(form, family) => Box::new(Bdf::inverse(*form, *family, rtol)),
             Method::Bdf => Box::new(Bdf::newton(rtol)),
-            Method::Radau => Box::new(Radau::new(rtol)),
+            Method::Radau(tableau) => Box::new(Radau::new(tableau, rtol)),
         }
     }
 }
@@ -209,7 +210,7 @@ fn chosen(
     let stiff = |fast: f64, factor: f64| fast > factor * motion && fast * time > MANY * factor;
     if stiff(fastest.vibration, STIFF) || stiff(fastest.decay, DECAY) {
         // measured on chains of 20 and 80 hinges: complex factors of large models cost more than the fewer steps spare
-        let method = if eq.sparse { Method::Bdf } else { Method::Radau };
+        let method = if eq.sparse { Method::Bdf } else { Method::Radau(&FIVE) };
         Ok((method, format!("stiff: {text}")))
     } else {
         Ok((Method::Explicit(None), format!("not stiff: {text}")))

@@ -268,7 +268,7 @@ impl<'a> March<'a> {
                 Ok((Here::at(end), Made::RungeKutta(Box::new(stages))))
             }
             Rule::Radau => {
-                let scheme = self.radau.get_or_insert_with(|| Radau::new(None).recording());
+                let scheme = self.radau.get_or_insert_with(|| Radau::new(&FIVE, None).recording());
                 let mut step = scheme.step(self.eq, &from.instant, h, false, counts)?;
                 let stages = Stages::implicit(h, scheme.recorded(), &step.end)?;
                 self.eq.same_branch(&stages.open.rate, &step.end, h)?;

@@ -96,3 +96,29 @@ pub const LASTING: f64 = 0.5;
 /// The smallest share: where errors grow as those of a chaotic motion do, no tolerance holds them. Larger: motions that amplify errors miss
 /// the tolerance. Smaller: chaotic motions take steps for nothing. Seen by `tests/motion/test_shares.py`; not scanned.
 pub const LEAST_SHARE: f64 = 0.04;
+
+/// Iterations of steps of "radau" that are recorded for a gradient: their lengths were chosen before, and to a looser tolerance. Larger: steps
+/// that cannot be solved are given up late. Smaller: gradients stop at steps that their motion made. Not scanned.
+pub const RECORDED_ITERATIONS: usize = 5 * super::motion::NEWTON_ITERATIONS;
+/// Matrices with which more iterations than these are to be expected are made anew. Larger: iterations for nothing. Smaller: matrices
+/// for nothing. Only work depends on it. Not scanned.
+pub const PATIENCE: f64 = 5.0;
+/// Matrices with which corrections shrank more slowly than `SLOW`, in more iterations than these, are made anew for the next step. Larger:
+/// iterations for nothing. Smaller: matrices for nothing. Only work depends on it. Not scanned.
+pub const FEW: usize = 2;
+/// See `FEW`; of the contraction.
+pub const SLOW: f64 = 0.1;
+/// Matrices that shrink corrections more slowly by this factor than when they were new have aged; others are as good as new ones:
+/// what they leave out is of the order of the step. Larger: iterations for nothing. Smaller: matrices for nothing. Not scanned.
+pub const AGED: f64 = 2.0;
+/// A first correction says nothing of how fast they shrink: matrices that served before are not trusted to shrink it by more. Larger:
+/// one iteration more for nothing. Smaller: steps are called solved that are not. Not scanned.
+pub const TRUSTED: f64 = 0.1;
+/// Three rotations that act together turn at most so far in a step (radians): rotation vectors are ambiguous at a whole turn. Larger:
+/// a body that spins is lost in its chart. Smaller: short steps. Seen by `tests/motion/test_radau.py`; not scanned.
+pub const WIDEST: f64 = 3.0;
+/// Steps that would grow by less keep their length and its factors. Larger: steps are short. Smaller: factors for nothing. Not scanned.
+pub const WORTHWHILE: f64 = 1.2;
+/// The error of a step over a power of its estimate. Larger: motions are better than asked. Smaller: they are worse. Seen by
+/// `tests/motion/test_radau.py`; not scanned.
+pub const LEVEL: f64 = 10.0;

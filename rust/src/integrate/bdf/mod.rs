@@ -25,7 +25,7 @@ use crate::solve::inverse::Family;
 use crate::tolerances::motion::SAFETY;
 
 use super::interpolate::quintic;
-use super::radau::Radau;
+use super::radau::{FIVE, Radau};
 use super::{Equations, Instant, LocalError, Motion, Scheme, Step};
 use crate::multibody::rotations::rotation_triples;
 use crate::tolerances::steps::{SAME_LENGTH, SAME_STEP};
@@ -157,7 +157,7 @@ pub struct Bdf {
 impl Bdf {
     /// With Newton's method; without a tolerance, fixed steps.
     pub fn newton(rtol: Option<f64>) -> Self {
-        let begin = if rtol.is_some() { Begin::Rates } else { Begin::Radau(Box::new(Radau::new(None))) };
+        let begin = if rtol.is_some() { Begin::Rates } else { Begin::Radau(Box::new(Radau::new(&FIVE, None))) };
         Bdf::with(Box::new(Newton::new(rtol)), Formula::NDF, begin, rtol.is_none())
     }
 

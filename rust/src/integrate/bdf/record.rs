@@ -3,7 +3,7 @@ use crate::error::Result;
 use crate::run::Counts;
 
 use super::super::explicit8::RecordedStage;
-use super::super::radau::Radau;
+use super::super::radau::{FIVE, Radau};
 use super::super::{Equations, Instant, Scheme, Step};
 use super::differences::Formula;
 use super::newton::Newton;
@@ -118,7 +118,7 @@ pub struct Kept {
 impl Bdf {
     /// Steps that are solved to rounding, in ways that were chosen before, and recorded.
     pub fn scripted() -> Self {
-        let start = Begin::Radau(Box::new(Radau::new(None).recording()));
+        let start = Begin::Radau(Box::new(Radau::new(&FIVE, None).recording()));
         Bdf::with(Box::new(Newton::new(None)), Formula::NDF, start, false)
     }
 

@@ -1,4 +1,4 @@
-//! Radau IIA of order five, an implicit Runge-Kutta method that damps what is infinitely fast.
+//! Radau IIA of orders five and nine, an implicit Runge-Kutta method that damps what is infinitely fast.
 //!
 //! ```text
 //! v_i = v0 + h sum_j a_ij a_j,   theta_i = h sum_j a_ij J_l^-1(theta_j) v_j          stages i, at t0 + c_i h; the last is the end
@@ -9,7 +9,8 @@
 //! Solution of Differential-Algebraic Systems by Runge-Kutta Methods, Springer 1989), and positions and rates projected in the metric
 //! of M at the end of each step. The unknowns are a_i and lam_i: theta_i follow from the rates exactly, so that Newton's matrices
 //! (`linear`) hold no derivative of a chart. The embedded formula of order s, filtered by the real matrix, gives the estimate e, which
-//! falls with h^(s+1); the error of a step falls with h^(2s) and is taken as (10 e)^(2s/(s+1)), as in the code RADAU5.
+//! falls with h^(s+1); the error of a step falls with h^(2s) and is taken as (10 e)^(2s/(s+1)), as in the code RADAU5. Five stages after
+//! E. Hairer, G. Wanner, Stiff differential equations solved by Radau methods, J. Comput. Appl. Math. 111 (1999) 93-111.
 mod linear;
 mod numbers;
 
@@ -20,38 +21,25 @@ use crate::run::Counts;
 use crate::tolerances::motion::{CORRECTION_ROUNDING, LEAST_MOTION, NEWTON_ITERATIONS, ROTATION_REPETITIONS, SAFETY};
 
 use super::explicit8::RecordedStage;
-use super::interpolate::quintic;
+use super::interpolate::{inside, quintic};
 use super::methods::STIFF;
 use super::{Equations, Instant, LocalError, Motion, Scheme, Step, scaled_size};
-use crate::tolerances::steps::{FIXED_SOLVED, SHARE_OF_TOLERANCE};
+use crate::tolerances::steps::{
+    AGED, FEW, FIXED_SOLVED, LEVEL, PATIENCE, RECORDED_ITERATIONS, SHARE_OF_TOLERANCE, SLOW, TRUSTED, WIDEST,
+    WORTHWHILE,
+};
 use linear::{Linear, Stages};
-pub use numbers::FIVE;
-use numbers::Tableau;
+pub use numbers::{FIVE, NINE, Tableau};
 
-/// Iterations of steps that are recorded: their lengths were chosen before, and to a looser tolerance.
-const RECORDED_ITERATIONS: usize = 5 * NEWTON_ITERATIONS;
-/// Matrices with which more iterations than these are to be expected are made anew.
-const PATIENCE: f64 = 5.0;
-/// Matrices with which corrections shrank more slowly than this, in more than a few iterations, are made anew for the next step.
-const FEW: usize = 2;
-const SLOW: f64 = 0.1;
-/// Matrices that shrink corrections more slowly by this factor than when they were new have aged; others are as good as new ones:
-/// what they leave out is of the order of the step.
-const AGED: f64 = 2.0;
-/// A first correction says nothing of how fast they shrink: matrices that served before are not trusted to shrink it by more.
-const TRUSTED: f64 = 0.1;
-/// Three rotations that act together turn at most so far in a step (radians): rotation vectors are ambiguous at a whole turn.
-const WIDEST: f64 = 3.0;
-/// Steps that would grow by less keep their length and its factors.
-const WORTHWHILE: f64 = 1.2;
-/// The error of a step over a power of its estimate.
-const LEVEL: f64 = 10.0;
+/// Stages up to which the polynomial through their slopes is of no higher degree than the one through both ends.
+const QUINTIC: usize = 4;
 
 /// A step: its stages and its length.
 struct Past {
     t: f64,
     h: f64,
     stages: Stages,
+    trial: Trial,
 }
 
 pub struct Radau {
@@ -88,10 +76,10 @@ struct Trial {
 }
 
 impl Radau {
-    /// None: fixed steps.
-    pub fn new(rtol: Option<f64>) -> Self {
+    /// Without a tolerance: fixed steps.
+    pub fn new(tableau: &'static Tableau, rtol: Option<f64>) -> Self {
         Radau {
-            tableau: &FIVE,
+            tableau,
             fixed: rtol.is_none(),
             solved: rtol.map_or(FIXED_SOLVED, |r| SHARE_OF_TOLERANCE * r),
             linear: None,
@@ -355,6 +343,36 @@ impl Radau {
     }
 }
 
+impl Radau {
+    /// Between start and end: theta' is the polynomial through those of the start and of all stages, of degree s; the cubic of what the
+    /// projection moved is added.
+    fn through_stages(
+        &self,
+        eq: &Equations<'_, f64>,
+        from: &Instant,
+        to: &Instant,
+        (h, trial): (f64, &Trial),
+        fractions: &[f64],
+    ) -> Vec<Motion<f64>> {
+        let slope = |(theta, m): (&Vec<f64>, &Motion<f64>)| eq.increment_rates(theta, &m.rate);
+        let stages = trial.theta.iter().zip(&trial.motions).map(slope);
+        let slopes: Vec<Vec<f64>> = std::iter::once(from.motion.rate.clone()).chain(stages).collect();
+        let end = eq.difference(&from.motion, &to.motion);
+        let speed = eq.increment_rates(&end, &to.motion.rate);
+        let ((moved, _), last) = (self.tableau.curve(1.0, h, &slopes), &slopes[slopes.len() - 1]);
+        let curve = |x: f64| {
+            let (mut theta, mut rate) = self.tableau.curve(x, h, &slopes);
+            for i in 0..theta.len() {
+                let (r, d) = (end[i] - moved[i], h * (speed[i] - last[i]));
+                theta[i] += x * x * (r * (3.0 - 2.0 * x) + d * (x - 1.0));
+                rate[i] += x * (6.0 * r * (1.0 - x) + d * (3.0 * x - 2.0)) / h;
+            }
+            (theta, rate)
+        };
+        inside(eq, from, to, (h, fractions), &curve)
+    }
+}
+
 fn failed(message: String, residual: f64) -> Error {
     Error::Convergence { message, best: Vec::new(), residual }
 }
@@ -407,7 +425,7 @@ impl Scheme for Radau {
             let speed = self.speed.max(scaled_size(&end.motion.rate, &scales)).max(f64::MIN_POSITIVE);
             self.error = Some(self.estimate(eq, from, (&stages, &trial), speed, counts)?);
         }
-        self.tried = Some(Past { t: end.motion.t, h, stages });
+        self.tried = Some(Past { t: end.motion.t, h, stages, trial });
         Ok(Step { end, error: self.error.clone() })
     }
 
@@ -450,6 +468,9 @@ impl Scheme for Radau {
         fractions: &[f64],
         _counts: &mut Counts,
     ) -> Result<Vec<Motion<f64>>> {
+        if let Some(own) = self.tried.as_ref().filter(|_| self.tableau.stages() > QUINTIC) {
+            return Ok(self.through_stages(eq, from, &step.end, (h, &own.trial), fractions));
+        }
         // accelerations of the stages: those of a projected instant hold the vibration that steps go over
         let last = |p: &Option<Past>, t: f64| {
             let stages = p.as_ref().filter(|p| p.t == t).map(|p| &p.stages);

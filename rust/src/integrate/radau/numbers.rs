@@ -1,4 +1,4 @@
-//! Radau IIA with three stages: nodes c, weights A, and the eigenvalues of A^-1 with their vectors.
+//! Radau IIA with three and with five stages: nodes c, weights A, and the eigenvalues of A^-1 with their vectors.
 //!
 //! The nodes are those of Radau's quadrature with the end of the step, A integrates the polynomial through the stages, so that a
 //! step of s stages has order 2s - 1 and its end is the last stage. A^-1 has one real eigenvalue mu and pairs of complex ones:
@@ -13,12 +13,14 @@
 use nalgebra::Complex;
 
 /// A simple eigenvalue with its right and left vector.
+#[derive(Debug)]
 pub struct Mode<T: 'static> {
     pub mu: T,
     pub column: &'static [T],
     pub row: &'static [T],
 }
 
+#[derive(Debug)]
 pub struct Tableau {
     pub c: &'static [f64],
     pub a: &'static [&'static [f64]],
@@ -39,10 +41,33 @@ impl Tableau {
 
     /// Weights with which values at the stages give that of their polynomial at a fraction of the step.
     pub fn weights_at(&self, x: f64) -> Vec<f64> {
-        let factor = |j: usize, k: usize| (x - self.c[k]) / (self.c[j] - self.c[k]);
-        let all = 0..self.stages();
-        all.clone().map(|j| all.clone().filter(|k| *k != j).map(|k| factor(j, k)).product()).collect()
+        lagrange(self.c, x)
     }
+
+    /// The polynomial through slopes at the start and at the stages, at a fraction of the step: its integral from the start, exact by the
+    /// quadrature of the method, and itself.
+    pub fn curve(&self, x: f64, h: f64, slopes: &[Vec<f64>]) -> (Vec<f64>, Vec<f64>) {
+        let nodes: Vec<f64> = std::iter::once(0.0).chain(self.c.iter().copied()).collect();
+        let at = |y: f64| {
+            let mut out = vec![0.0; slopes[0].len()];
+            for (w, slope) in lagrange(&nodes, y).iter().zip(slopes) {
+                out.iter_mut().zip(slope).for_each(|(o, s)| *o += w * s);
+            }
+            out
+        };
+        let mut integral = vec![0.0; slopes[0].len()];
+        for (c, b) in self.c.iter().zip(self.a[self.stages() - 1]) {
+            integral.iter_mut().zip(at(x * c)).for_each(|(o, s)| *o += x * h * b * s);
+        }
+        (integral, at(x))
+    }
+}
+
+/// Weights with which values at the nodes give that of their polynomial at x.
+fn lagrange(nodes: &[f64], x: f64) -> Vec<f64> {
+    let factor = |j: usize, k: usize| (x - nodes[k]) / (nodes[j] - nodes[k]);
+    let all = 0..nodes.len();
+    all.clone().map(|j| all.clone().filter(|k| *k != j).map(|k| factor(j, k)).product()).collect()
 }
 
 /// A pair as a complex number.
@@ -51,7 +76,7 @@ pub fn complex(v: (f64, f64)) -> Complex<f64> {
 }
 
 /// 3 stages, order 5.
-pub const FIVE: Tableau = Tableau {
+pub static FIVE: Tableau = Tableau {
     c: &[0.1550510257216822, 0.6449489742783178, 1.0],
     a: &[
         &[0.1968154772236604, -0.06553542585019839, 0.02377097434822015],
@@ -75,13 +100,77 @@ pub const FIVE: Tableau = Tableau {
     estimate: &[-0.42829829411536813, 0.24503907438491654, -0.0916296098652258],
 };
 
+/// 5 stages, order 9.
+pub static NINE: Tableau = Tableau {
+    c: &[0.05710419611451768, 0.2768430136381238, 0.5835904323689168, 0.8602401356562195, 1.0],
+    a: &[
+        &[0.07299886431790333, -0.02673533110794557, 0.018676929763984353, -0.01287910609330644, 0.005042839233882015],
+        &[0.15377523147918246, 0.14621486784749352, -0.03644456890512809, 0.02123306311930472, -0.007935579902728777],
+        &[0.14006304568480987, 0.29896712949128346, 0.16758507013524895, -0.03396910168661774, 0.010944288744192253],
+        &[0.14489430810953477, 0.2765000687601592, 0.32579792291042103, 0.12875675325490976, -0.015708917378805327],
+        &[0.14371356079122594, 0.28135601514946207, 0.31182652297574126, 0.22310390108357075, 0.04],
+    ],
+    real: Mode {
+        mu: 6.2867047517292765,
+        column: &[0.013576867344947943, 0.0016179004017190875, 0.07915785334744721, 0.41225608268046143, 1.0],
+        row: &[27.697693775684087, 12.783337911304406, 3.20848938671343, -0.9514904122489162, 0.7415504960259897],
+    },
+    pairs: &[
+        Mode {
+            mu: (5.70095329867179, 3.2102656003085497),
+            column: &[
+                (-0.011478515255229515, 0.01401985889287541),
+                (-0.007668830749180163, -0.024708578426518527),
+                (0.01939846399882895, -0.08180035370375117),
+                (0.40760117128019907, -0.19968242788680252),
+                (1.0, 0.0),
+            ],
+            row: &[
+                (-16.5209401067595, -4.305721989937646),
+                (-8.688476739531783, 4.849995704764404),
+                (-0.08606453162700278, 0.9573643198484372),
+                (-0.04958488899127132, 1.20934600304247),
+                (0.2656140579191533, -0.5237317439676688),
+            ],
+        },
+        Mode {
+            mu: (3.655694325463572, 6.543736899360077),
+            column: &[
+                (-0.010242047817908826, -0.04767387729029572),
+                (0.05017286451737106, 0.09433181918161143),
+                (-0.23053953404341795, -0.1027030453801259),
+                (0.37789390224886127, -0.46674413033249434),
+                (1.0, 0.0),
+            ],
+            row: &[
+                (2.672093218917456, 1.8740299037199024),
+                (2.2968077838795806, -1.9924828681719424),
+                (-1.5181801617297122, -0.5222078208040094),
+                (0.5253300951157295, 0.5920492840689743),
+                (-0.13638930593214812, -0.22495888507839018),
+            ],
+        },
+    ],
+    estimate: &[
+        -0.2523433122495464,
+        0.16035712210296996,
+        -0.11627313434096281,
+        0.08100664894556402,
+        -0.03181316888549383,
+    ],
+};
+
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
     fn the_weights_integrate_polynomials_and_the_modes_are_those_of_their_inverse() {
-        let t = &FIVE;
+        met(&FIVE);
+        met(&NINE);
+    }
+
+    fn met(t: &Tableau) {
         let s = t.stages();
         let inverse = |i: usize, k: usize| {
             t.pairs.iter().fold(t.real.column[i] * t.real.mu * t.real.row[k], |sum, m| {
@@ -96,6 +185,14 @@ mod tests {
                 let product: f64 = (0..s).map(|j| t.a[i][j] * inverse(j, k)).sum();
                 assert!((product - if i == k { 1.0 } else { 0.0 }).abs() < 1e-13);
             }
+        }
+        for x in [0.0, 0.3, 1.0] {
+            let slopes: Vec<Vec<f64>> =
+                std::iter::once(&0.0).chain(t.c).map(|c| vec![2.0 - c + c.powi(s as i32)]).collect();
+            let (value, slope) = t.curve(x, 0.5, &slopes);
+            let whole = 2.0 * x - x * x / 2.0 + x.powi(s as i32 + 1) / (s as f64 + 1.0);
+            assert!((value[0] - 0.5 * whole).abs() < 1e-14);
+            assert!((slope[0] - (2.0 - x + x.powi(s as i32))).abs() < 1e-13);
         }
         // quadrature of order 2s - 1; the embedded formula has order s
         for k in 0..2 * s - 1 {
