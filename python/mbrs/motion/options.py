@@ -55,7 +55,7 @@ def with_served_tolerance(options: dict[str, Any], snapshot: Snapshot) -> dict[s
 def variant(method: str, form: Any, update: Any, coordinates: Any, order: Any) -> str:
     """The method with what belongs to it, as the core names it: "explicit/tree", "radau/9", "bdf-bfgs/ggl/auto"."""
     if order is not None:
-        if isinstance(order, bool) or order not in (5, 9):
+        if isinstance(order, bool) or not isinstance(order, int | np.integer) or order not in (5, 9):
             raise ModelError(f"order= is 5 or 9, got {shown(order)}")
         if method != "radau":
             raise ModelError(f'order= belongs to method="radau", not to {shown(method)}')
