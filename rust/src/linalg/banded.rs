@@ -31,9 +31,9 @@ impl Lanes {
     #[inline(always)]
     pub fn dynamic([m, d, s]: [f64; 3], w: &Reals) -> Lanes {
         let mut z = Lanes::ZERO;
-        for l in 0..LANES {
-            z.re[l] = s - w[l] * w[l] * m;
-            z.im[l] = w[l] * d;
+        for (l, w) in w.iter().enumerate() {
+            z.re[l] = s - w * w * m;
+            z.im[l] = w * d;
         }
         z
     }
@@ -265,8 +265,8 @@ impl Factored {
 pub fn squares(x: &[Lanes]) -> Reals {
     let mut out = [0.0; LANES];
     for x in x {
-        for l in 0..LANES {
-            out[l] += x.re[l] * x.re[l] + x.im[l] * x.im[l];
+        for (l, out) in out.iter_mut().enumerate() {
+            *out += x.re[l] * x.re[l] + x.im[l] * x.im[l];
         }
     }
     out
@@ -448,7 +448,7 @@ mod tests {
         let band = Band::new(n, entries, n).unwrap();
         let columns = 3;
         let mut f = vec![Lanes::ZERO; n * columns];
-        let load = |i: usize, c: usize| if i % (c + 2) == 0 { unit[i] } else { 0.0 };
+        let load = |i: usize, c: usize| if i.is_multiple_of(c + 2) { unit[i] } else { 0.0 };
         for i in 0..n {
             for c in 0..columns {
                 f[band.place()[i] * columns + c] = Lanes::real(load(i, c));
