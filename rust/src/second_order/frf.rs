@@ -518,10 +518,15 @@ mod tests {
             1 => -0.9,
             _ => 0.0,
         });
-        let system = LinearSystem::new(Matrices { m, c: Some(d), g: None, k: s, n: None }).unwrap();
+        // in coordinates that mix all of them: the row itself is a narrow band
+        let u = |i: usize| (1.0 + i as f64).cos();
+        let square: f64 = (0..n).map(|i| u(i) * u(i)).sum();
+        let mixed = Mat::from_fn(n, n, |i, j| f64::from(u8::from(i == j)) - 2.0 * u(i) * u(j) / square);
+        let k = &mixed * s * &mixed;
+        let system = LinearSystem::new(Matrices { m, c: Some(d), g: None, k, n: None }).unwrap();
         let mut ports = end_to_end(n);
-        ports.l = Mat::from_fn(1, n, |_, j| (j == 50) as u8 as f64);
-        ports.f = Mat::from_fn(n, 1, |i, _| (i + 1 == n) as u8 as f64);
+        ports.l = mixed.subrows(50, 1).to_owned();
+        ports.f = mixed.subcols(n - 1, 1).to_owned();
         let omega: Vec<f64> = (0..9).map(|k| 0.2 + 0.1 * k as f64).collect();
         let values = system.evaluate(&ports, &omega, None, true, &Cancel::default()).unwrap();
         assert_eq!(values.route, Route::Hessenberg);
