@@ -407,11 +407,6 @@ def _warn_of_start(m: Model, made: dict[str, Any]) -> None:
             )
 
 
-def _order(method: str, asked: str) -> int:
-    """Order of the method that ran; some have several."""
-    return ORDER.get(asked, ORDER[method])
-
-
 def _compared_with(traj: Trajectory, options: dict[str, Any]) -> tuple[dict[str, Any], float]:
     """Options of the run that the error is estimated with, and the factor from the distance of both to the error.
 
@@ -419,7 +414,9 @@ def _compared_with(traj: Trajectory, options: dict[str, Any]) -> tuple[dict[str,
     one; methods of order two could not afford it. The whole distance to a looser run counts, which may be as good by chance.
     """
     if "step" in options:
-        return {"step": 2.0 * options["step"]}, 1.0 / (2.0 ** _order(traj.method, options["method"]) - 1.0)
+        # of the variant that was asked for, where it has an order of its own
+        order = ORDER.get(options["method"], ORDER[traj.method])
+        return {"step": 2.0 * options["step"]}, 1.0 / (2.0**order - 1.0)
     rtol, looser = options["rtol"], {"rtol": min(10.0 * options["rtol"], 1.0)}
     if traj.method not in TIGHTENED:
         return looser, 1.0 / 9.0

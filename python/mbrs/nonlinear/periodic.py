@@ -399,13 +399,13 @@ def first_solution(
     answer: dict[str, Any] = {}
     for least in (0,) if smooth else (0, balance.MOST_SAMPLES // 8, balance.MOST_SAMPLES // 2):
         setup = balance.prepare(system, force, fourier, omega, least_samples=least)
-        answer = _after(answer, _solve(setup, setup.start(x0), omega, newton, ramp=False))
+        answer = _after(answer, _solve(setup, setup.start(x0), omega, newton, ramp=x0 is not None))
         if x0 is None and not least and not _ended(answer) and not all(law.kind.polynomial for law in laws):
             answer, top = _from_motion(setup, omega, newton, answer)
         if x0 is None and not _ended(answer):
             answer = _from_fewer_harmonics(setup, omega, newton, least, answer)
-        if not _ended(answer):
-            answer = _after(answer, _solve(setup, setup.start(x0), omega, newton))
+        if x0 is None and not _ended(answer):
+            answer = _after(answer, _solve(setup, setup.start(None), omega, newton))
         if _ended(answer):
             break
     return setup, {**answer, "top": top}
