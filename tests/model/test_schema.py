@@ -17,7 +17,7 @@ from mbrs.errors import ModelError
 from mbrs.model import layout, toml
 from mbrs.model.air_schema import HEADINGS
 from mbrs.model.model import Model
-from mbrs.model.schema import ELEMENTS, JOINTS, LAWS, MOTIONS, NODE, SHAPES
+from mbrs.model.schema import ELEMENTS, JOINTS, LAWS, MOTIONS, NODE, QUADRATIC, SHAPES
 from mbrs.model.tables import tables
 from scenes import everything, same_tables
 
@@ -125,11 +125,20 @@ def test_sizes_of_blocks_with_modal_coordinates():
     modal, block = rod.modal, SHAPES.block
     for name in block.fields:
         assert values[block.slice(name, n)] == np.ravel(getattr(modal, name)).tolist(), name
+    size = NODE.size(n) + QUADRATIC.size(n)
     for i in range(len(rod.nodes)):
-        node = values[block.size(n) + i * NODE.size(n) :]
+        node = values[block.size(n) + i * size :]
         assert node[NODE.slice("position", n)] == modal.node_position[i].tolist()
         assert node[NODE.slice("shape", n)] == modal.node_shape[i].ravel().tolist()
-    assert len(values) == block.size(n) + len(rod.nodes) * NODE.size(n)
+        assert node[NODE.size(n) : size] == modal.node_quadratic[i].ravel().tolist()
+    assert len(values) == block.size(n) + len(rod.nodes) * size
+
+
+def test_a_body_without_second_order_has_no_numbers_for_it():
+    from mbrs.flexible import beam
+
+    rod = Model("one").flexible_body("rod", beam(1.3, mass=0.7, EI_flap=3.1, EI_edge=5.2, modes=3, stiffening=False))
+    assert len(rod.integrals.values()) == SHAPES.block.size(3) + len(rod.nodes) * NODE.size(3)
 
 
 def test_codes_are_unique_and_the_classes_have_them():

@@ -23,6 +23,8 @@ def rod(powers=(2, 3), *, length=1.0, line_mass=2.0, bending=(4.0, 9.0), turning
     for k, (axis, p) in enumerate(modes):
         phi[k, axis] = (x / length) ** p
     K, KG = np.zeros((m, m)), np.zeros((12, m, m))
+    places = np.array([[0.0, 0, 0], [0.5 * length, 0, 0], [length, 0, 0]])
+    second = np.zeros((3, 3, m, m))
     for k, (axis, p) in enumerate(modes):
         for l_, (other, q) in enumerate(modes):
             if axis != other:
@@ -32,6 +34,7 @@ def rod(powers=(2, 3), *, length=1.0, line_mass=2.0, bending=(4.0, 9.0), turning
             if stiffening:
                 psi = -p * q * x ** (p + q - 1) / (p + q - 1) / length ** (p + q)
                 KG[0, k, l_], KG[3, k, l_] = np.sum(w * psi), np.sum(w * psi * x)
+                second[:, 0, k, l_] = -p * q * places[:, 0] ** (p + q - 1) / (p + q - 1) / length ** (p + q)
 
     def shape(at):
         out = np.zeros((6, m))
@@ -41,7 +44,6 @@ def rod(powers=(2, 3), *, length=1.0, line_mass=2.0, bending=(4.0, 9.0), turning
             out[5 if axis == 1 else 4, k] = slope if axis == 1 else -slope
         return out
 
-    places = np.array([[0.0, 0, 0], [0.5 * length, 0, 0], [length, 0, 0]])
     total = line_mass * length
     return ModalBody(
         total,
@@ -56,6 +58,7 @@ def rod(powers=(2, 3), *, length=1.0, line_mass=2.0, bending=(4.0, 9.0), turning
         nodes=("frame", "mid", "tip"),
         node_position=places,
         node_shape=np.array([shape(p[0]) for p in places]),
+        node_quadratic=second,
         note="polynomials, invented",
     )
 

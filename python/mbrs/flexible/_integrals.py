@@ -75,6 +75,26 @@ def inertial_stiffness(grid: Mesh, T: Array, clamped: bool, whole: Mesh | None =
     return 0.5 * (KG + np.swapaxes(KG, 1, 2))
 
 
+def foreshortening(grid: Mesh, T: Array, clamped: bool) -> Array:
+    """psi (n, 3, m, m) of the nodes of a beam: u_x = -1/2 int_0^x (v'^2 + w'^2) dx, of a free beam less its mean over the mass.
+
+    The mean is that of `inertial_stiffness`, in which the centre of mass of a free beam stays where it is.
+    """
+    m = T.shape[1]
+    # of each quadrature point, in the order of x
+    squares = np.array([p.weight * (p.slope @ T[p.dofs]).T @ (p.slope @ T[p.dofs]) for p in grid.points])
+    n = len(grid.x) - 1
+    along = np.zeros((n + 1, m, m))
+    along[1:] = -np.cumsum(squares.reshape(n, -1, m, m).sum(axis=1), axis=0)
+    if not clamped:
+        beyond = _outboard(grid, [0.0, 1.0])
+        share = np.array([beyond(p.x) for p in grid.points]) / rigid_body(grid)[0]
+        along += np.einsum("p,pkl->kl", share, squares)
+    out = np.zeros((n + 1, 3, m, m))
+    out[:, 0] = 0.5 * (along + np.swapaxes(along, 1, 2))
+    return out
+
+
 def _outboard(grid: Mesh, field: list[float]) -> Any:
     """int_x^L rho b dx' for a linear b; exact, since rho is linear in every element."""
     ends = grid.x

@@ -120,14 +120,17 @@ def _powers(stretch: Any) -> dict[int, Any]:
     return {-3: inverse * inverse * inverse, -1: inverse, 0: 1.0, 1: stretch, 2: square, 3: square * stretch}
 
 
-def stretched_nodes(at: Array, shape: Array, stretch: Any) -> dict[str, Array]:
-    """Places (n, 3) and shapes (n, 6, m) of nodes of a beam that is stretched."""
+def stretched_nodes(at: Array, shape: Array, quadratic: Array, stretch: Any) -> dict[str, Array]:
+    """Places (n, 3), shapes (n, 6, m) and foreshortening (n, 3, m, m) of nodes of a beam that is stretched."""
     place, bent = at.astype(object), shape.astype(object)
     _add(place, at, stretch - 1.0)
     across = np.zeros_like(shape)
     across[:, _ACROSS] = shape[:, _ACROSS]
     _add(bent, across, 1.0 / stretch - 1.0)
-    return {"node_position": place, "node_shape": bent}
+    # int v'^2 dx, with slopes over the length
+    shortened = quadratic.astype(object)
+    _add(shortened, quadratic, 1.0 / stretch - 1.0)
+    return {"node_position": place, "node_shape": bent, "node_quadratic": shortened}
 
 
 def _stiffness_parts(part: Mesh, T: Array) -> Parts:

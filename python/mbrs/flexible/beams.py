@@ -11,7 +11,7 @@ import numpy as np
 from .._lib.checks import choice, count, flag, names, shown, sized_array
 from ..errors import ModelError
 from ._elements import Mesh, Section, mesh
-from ._integrals import inertial_stiffness, rigid_body, shape_integrals
+from ._integrals import foreshortening, inertial_stiffness, rigid_body, shape_integrals
 from ._parameters import Channel, channels, driven, plain, stretched_nodes
 from ._reduction import reduced_shapes
 from .modal_body import ModalBody
@@ -92,7 +92,8 @@ def beam(
     theory
         "euler-bernoulli" (with rotary inertia where it is given) or "timoshenko" (shear, too).
     stiffening
-        Geometric stiffness of the axial force that inertial fields cause (centrifugal stiffening): `ModalBody.KG`.
+        Foreshortening: geometric stiffness of the axial force that inertial fields cause (centrifugal stiffening,
+        `ModalBody.KG`) and that forces at nodes cause (columns, `ModalBody.node_quadratic`).
     damping
         Ratio of critical damping of all modes, or (m,) of each; none by default.
 
@@ -329,6 +330,7 @@ def _reduced(
     where = np.zeros((len(grid.x), 3))
     where[:, 0] = grid.x
     m = T.shape[1]
+    second = foreshortening(grid, T, bool(fixed)) if stiffening else np.zeros((len(grid.x), 3, m, m))
     note = f"{theory} beam, {grid.x[-1]:g} m, {len(grid.x) - 1} elements, "
     note += f"{'clamped at the root' if fixed else 'free, mean axes'}"
     integrals = dict(
@@ -339,7 +341,7 @@ def _reduced(
     C = modal_damping(plain(damping), np.sqrt(square), "beam")
     clamped, nodes_follow = bool(fixed), {}
     if stretch is not None:
-        nodes_follow = stretched_nodes(where[at_nodes], line[at_nodes], stretch)
+        nodes_follow = stretched_nodes(where[at_nodes], line[at_nodes], second[at_nodes], stretch)
     depends = bool(found or nodes_follow) or plain(damping) is not damping
     follows = driven(grid, T, integrals, found, x, clamped, damping, stretch) if depends else {}
     return ModalBody(
@@ -354,6 +356,8 @@ def _reduced(
         node_shape=line[at_nodes],
         line_position=where,
         line_shape=line,
+        node_quadratic=second[at_nodes],
+        line_quadratic=second,
         note=note,
     )
 

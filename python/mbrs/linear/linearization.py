@@ -419,8 +419,10 @@ def node_twist(lin: Linearization, name: str) -> tuple[int, np.ndarray, np.ndarr
     own = next((own for b, own in modal_places(lin.snapshot.tables) if b == body), None)
     if own is None:
         return body, twist_at(lin.T[6 * body : 6 * body + 6], R @ local), lin.poses["position"][body] + R @ local
-    w = shape @ modal_part(lin.snapshot.tables, lin.state.q)[own]
-    arm = R @ (local + w[:3])
+    q = modal_part(lin.snapshot.tables, lin.state.q)[own]
+    index = modal.nodes.index(node)
+    w, arm = shape @ q, R @ modal.places(q)[index]
+    slope = shape[:3] + modal.node_quadratic[index] @ q
     twist, moving = twist_at(lin.T[6 * body : 6 * body + 6], arm), lin.modal_map[own]
     turned, axes = R, []
     for k in range(3):
@@ -428,7 +430,7 @@ def node_twist(lin: Linearization, name: str) -> tuple[int, np.ndarray, np.ndarr
         q = np.zeros(4)
         q[0], q[1 + k] = np.cos(0.5 * w[3 + k]), np.sin(0.5 * w[3 + k])
         turned = turned @ quaternion_matrix(q)
-    twist[:3] += R @ shape[:3] @ moving
+    twist[:3] += R @ slope @ moving
     twist[3:] += np.stack(axes, axis=1) @ shape[3:] @ moving
     return body, twist, lin.poses["position"][body] + arm
 

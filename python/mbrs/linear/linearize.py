@@ -20,7 +20,6 @@ from ..system.effects import check_without, effects
 from ..system.snapshot import Snapshot
 from ..system.state import State, state_of
 from .linearization import Linearization
-from .node_loads import check_node_loads
 from .periodic_turn import orbit_matrices
 
 if TYPE_CHECKING:
@@ -84,8 +83,6 @@ def linearize(m: Model, *, at: StateLike = None, without: Sequence[str] = ()) ->
     if state.orbit is not None:
         return averaged(snapshot, state, without, start)
     r = matrices_at(snapshot, state, without)
-    if not state.moving:  # forces of a motion are those of its accelerations, which a linearisation does not know
-        check_node_loads(snapshot, r["node_forces"])
     return linearization_at(snapshot, state, r, without, start, warn=True)
 
 

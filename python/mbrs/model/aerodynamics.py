@@ -224,9 +224,10 @@ def _place(air: Aerodynamics, owner: Body, blade: dict[str, Any]) -> tuple[list[
         )
     where = np.clip(along, 0.0, length)
     shapes = interpolated(distance, owner.modal.line_shape, where)
+    second = interpolated(distance, owner.modal.line_quadratic, where)
     points = interpolated(distance, points, where)
     names = [f"{air.name}{i + 1}" for i in range(len(along))]
-    return owner.add_nodes(names, points, shapes), points
+    return owner.add_nodes(names, points, shapes, second), points
 
 
 def _numbers(blade: dict[str, Any], at: np.ndarray, n_blades: int, cone: float) -> np.ndarray:

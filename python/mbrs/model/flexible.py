@@ -16,7 +16,7 @@ from .book import Attachable, Book, Group, Item
 from .names import GROUND, not_found, problem, shown
 from .numbers import Number, numbers
 from .ports import Port, make_port
-from .schema import BODY, FIXED_BY_SHAPES, NODE, SHAPES, Kind
+from .schema import BODY, FIXED_BY_SHAPES, NODE, QUADRATIC, SHAPES, Kind
 from .shapes import ShapeLike
 
 if TYPE_CHECKING:
@@ -57,8 +57,13 @@ class FlexibleBody(Body):
             self.model.structure_version += 1
         return index
 
-    def add_nodes(self, names: Sequence[str], position: np.ndarray, shape: np.ndarray) -> list[int]:
-        """Take further nodes (n, 3) m with shapes (n, 6, m), and use them; their indices. Those that exist already must be the same."""
+    def add_nodes(
+        self, names: Sequence[str], position: np.ndarray, shape: np.ndarray, quadratic: np.ndarray
+    ) -> list[int]:
+        """Take further nodes (n, 3) m with shapes (n, 6, m) and second-order displacements (n, 3, m, m), and use them; their indices.
+
+        Those that exist already must be the same.
+        """
         from dataclasses import replace
 
         modal = self.modal
@@ -72,9 +77,10 @@ class FlexibleBody(Body):
                 nodes=(*modal.nodes, *(names[i] for i in new)),
                 node_position=np.concatenate([modal.node_position, position[new]]),
                 node_shape=np.concatenate([modal.node_shape, shape[new]]),
+                node_quadratic=np.concatenate([modal.node_quadratic, quadratic[new]]),
             )
-            added = np.concatenate([np.r_[position[i], shape[i].ravel()] for i in new])
-            self.integrals.grow(added.tolist(), len(new))
+            added = _node_numbers(position[new], shape[new], quadratic[new], self.integrals.quadratic)
+            self.integrals.grow(added, len(new))
         return [self.use(self.modal.nodes.index(name)) for name in names]
 
     def moving(self) -> list[int]:
@@ -122,11 +128,14 @@ class FlexibleBody(Body):
 
 
 class ShapeNumbers(Item):
-    """The numbers of a flexible body: S, P1, P2, K, C, KG, then position and shape of each node."""
+    """The numbers of a flexible body: S, P1, P2, K, C, KG, then of each node its position, its shape and, where the body has any, its
+    second-order displacements.
+    """
 
-    __slots__ = ("m", "n_nodes")
+    __slots__ = ("m", "n_nodes", "quadratic")
     m: int
     n_nodes: int
+    quadratic: bool
     store = "flexible"
     kind = "flexible body"
 
@@ -136,13 +145,17 @@ class ShapeNumbers(Item):
 
     @property
     def size(self) -> int:
-        return SHAPES.block.size(self.m) + self.n_nodes * NODE.size(self.m)
+        return SHAPES.block.size(self.m) + self.n_nodes * self._node_size
 
     def _range(self, name: str) -> tuple[int, int]:
         if not name:
             return self.start, self.size
         part = SHAPES.block.slice(name, self.m)
         return self.start + part.start, part.stop - part.start
+
+    @property
+    def _node_size(self) -> int:
+        return NODE.size(self.m) + self.quadratic * QUADRATIC.size(self.m)
 
     def grow(self, numbers: list[float], nodes: int) -> None:
         """Take the numbers of further nodes, behind those that are there; the others of the store move on."""
@@ -175,7 +188,11 @@ class ShapeNumbers(Item):
 
     def node_start(self, index: int) -> int:
         """Index in the store of the first number of a node."""
-        return self.start + SHAPES.block.size(self.m) + index * NODE.size(self.m)
+        return self.start + SHAPES.block.size(self.m) + index * self._node_size
+
+    def quadratic_start(self, index: int) -> int:
+        """Index in the store of its second-order displacements, -1 without any."""
+        return self.node_start(index) + NODE.size(self.m) if self.quadratic else -1
 
 
 @dataclass(frozen=True)
@@ -243,19 +260,25 @@ def _chosen(name: str, modal: ModalBody, modes: Any) -> ModalBody:
     from dataclasses import replace
 
     pick = np.ix_(places, places)
+
+    def cut_pairs(a: np.ndarray) -> np.ndarray:
+        return a[..., places, :][..., places]
+
     cut: dict[str, Any] = {
         "S": lambda a: a[:, places],
         "P1": lambda a: a[places],
         **dict.fromkeys(("P2", "K", "C"), lambda a: a[pick]),
-        "KG": lambda a: a[:, places][:, :, places],
+        "KG": cut_pairs,
     }
-    several = cut | {"node_shape": lambda a: a[..., places]}
+    several = cut | {"node_shape": lambda a: a[..., places], "node_quadratic": cut_pairs}
     return replace(
         modal,
         **{part: some(getattr(modal, part)) for part, some in cut.items()},
         driven={part: several.get(part, _as_it_is)(a) for part, a in modal.driven.items()},
         node_shape=modal.node_shape[..., places],
         line_shape=modal.line_shape[..., places],
+        node_quadratic=cut_pairs(modal.node_quadratic),
+        line_quadratic=cut_pairs(modal.line_quadratic),
     )
 
 
@@ -269,9 +292,19 @@ def _as_it_is(a: Any) -> Any:
 
 def _numbers_of(modal: ModalBody) -> list[Number]:
     parts = [modal.driven.get(name, getattr(modal, name)) for name in ("S", "P1", "P2", "K", "C", "KG")]
-    at, shape = (modal.driven.get(name, getattr(modal, name)) for name in ("node_position", "node_shape"))
-    nodes = [np.concatenate([p, s.ravel()]) for p, s in zip(at, shape, strict=True)]
-    return np.concatenate([part.ravel() for part in (*parts, *nodes)]).tolist()  # type: ignore[no-any-return]
+    of_nodes = (f"node_{part}" for part in ("position", "shape", "quadratic"))
+    nodes = _node_numbers(*(modal.driven.get(name, getattr(modal, name)) for name in of_nodes), _is_quadratic(modal))
+    return [*np.concatenate([part.ravel() for part in parts]).tolist(), *nodes]
+
+
+def _is_quadratic(modal: ModalBody) -> bool:
+    return bool(np.any(modal.node_quadratic) or np.any(modal.line_quadratic))
+
+
+def _node_numbers(position: np.ndarray, shape: np.ndarray, quadratic: np.ndarray, all_three: bool) -> list[Number]:
+    """The numbers of nodes, one after the other."""
+    parts = [position, shape, quadratic] if all_three else [position, shape]
+    return np.concatenate([part.reshape(len(position), -1) for part in parts], axis=1).ravel().tolist()  # type: ignore[no-any-return]
 
 
 # --- methods of `Model` -----
@@ -362,6 +395,7 @@ def flexible_body(
     body.check(body.evaluated(entries))
     integrals = ShapeNumbers(self, name)
     integrals.m, integrals.n_nodes = body.n_modes, len(body.nodes)
+    integrals.quadratic = _is_quadratic(body.modal)
     integrals.put(_numbers_of(body.modal))
     body.integrals = integrals
     enter(body, entries, guess, shape)

@@ -25,6 +25,7 @@ from .schema import (
     MOTIONS,
     NODE,
     POSE,
+    QUADRATIC,
     SHAPES,
     UNITS,
     Block,
@@ -44,6 +45,7 @@ BLOCKS: tuple[Block, ...] = (
     COUPLER.block,
     SHAPES.block,
     NODE,
+    QUADRATIC,
     AIR.block,
     SECTION,
 )

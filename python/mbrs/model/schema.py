@@ -496,6 +496,12 @@ NODE = Block(
         Field("shape", (6, "m"), "integral", note="displacement, rotation"),
     ],
 )
+# Behind the numbers of each node where a node of the body has some.
+QUADRATIC = Block(
+    "quadratic",
+    [Field("displacement", (3, "m", "m"), "integral", note="psi in phi_k q_k + psi_kl q_k q_l / 2, body axes")],
+    "second-order displacement of a node (`flexible_node_quadratic`)",
+)
 # Numbers of a body that the integrals of its shapes depend on: they are not varied alone.
 FIXED_BY_SHAPES = ("com", "mass", "inertia")
 

@@ -310,6 +310,7 @@ def node_tables(model: Book, base: dict[str, int]) -> dict[str, Any]:
         "flexible_node_name": [model.bodies[b].nodes[i] for b, i in nodes],
         "flexible_node_body": _integers(b for b, _ in nodes),
         "flexible_node_x": _integers(start + model.bodies[b].integrals.node_start(i) for b, i in nodes),
+        "flexible_node_quadratic": _integers(_quadratic(model.bodies[b].integrals, start, i) for b, i in nodes),
         "moving_node": _integers(number[place] for place in model.moving_nodes()),
         "joint_a_node": of(model.joints, "a", "a_node"),
         "joint_b_node": of(model.joints, "b", "b_node"),
@@ -334,6 +335,11 @@ def modal_part(tables: Mapping[str, Any], values: np.ndarray) -> np.ndarray:
     """The modal coordinates, which are the last of ``values`` (..., n): of a state's q or of its rates."""
     total = sum(int(m) for m in tables.get("flexible_modes", ()))
     return values[..., values.shape[-1] - total :]
+
+
+def _quadratic(numbers: Any, start: int, node: int) -> int:
+    """Where the second-order displacements of a node begin, -1 without any."""
+    return start + numbers.quadratic_start(node) if numbers.quadratic else -1
 
 
 def _integers(values: Iterable[Any]) -> np.ndarray:

@@ -188,7 +188,7 @@ class Trajectory(AirMotion, Result):
     def node_positions(self, body: BodyLike) -> np.ndarray:
         """(n_t, n, 3) world positions of all nodes of a flexible body, in their order, deformed."""
         owner, (q, _) = self._modal(body)
-        local = owner.modal.node_position + np.einsum("nik,tk->tni", owner.modal.node_shape[:, :3], q)
+        local = owner.modal.places(q)
         moved: np.ndarray = self.position(body)[:, None] + np.einsum("tij,tnj->tni", self.rotation(body), local)
         return moved
 

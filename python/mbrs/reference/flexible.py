@@ -66,17 +66,19 @@ class Flexible:
 
 @dataclass
 class Node:
-    """A node in its frame: place (3,), shapes (6, m)."""
+    """A node in its frame: place (3,), shapes (6, m), displacements of second order (3, m, m)."""
 
     owner: Flexible
     place: Array
     shape: Array
+    quadratic: Array
 
     def pose(self, r: Array) -> tuple[Array, Array]:
         """Displacement and rotation Rx Ry Rz seen from the frame."""
         q = self.owner.held(r)
         a, b, c = np.eye(3) * (self.shape[3:] @ q)[:, None]
-        return self.place + self.shape[:3] @ q, so3.exp(a) @ so3.exp(b) @ so3.exp(c)
+        second = 0.5 * np.einsum("ikl,k,l->i", self.quadratic, q, q)
+        return self.place + self.shape[:3] @ q + second, so3.exp(a) @ so3.exp(b) @ so3.exp(c)
 
 
 def frames_named(t: Mapping[str, Any]) -> Mapping[str, Any]:
@@ -131,7 +133,10 @@ def modal_links(t: Mapping[str, Any], x: Array, flexible: list[Flexible]) -> dic
     for f in flexible:
         for frame in f.nodes:
             at = t["flexible_node_x"][t["moving_node"][frame - n]]
-            node = Node(f, x[at : at + 3], x[at + 3 : at + 3 + 6 * f.m].reshape(6, f.m))
+            second = t["flexible_node_quadratic"][t["moving_node"][frame - n]]
+            psi = x[second : second + 3 * f.m**2] if second >= 0 else np.zeros(3 * f.m**2)
+            shape = x[at + 3 : at + 3 + 6 * f.m].reshape(6, f.m)
+            node = Node(f, x[at : at + 3], shape, psi.reshape(3, f.m, f.m))
             inner, outer = (Marker(i, np.zeros(3), np.eye(3)) for i in (f.frame, frame))
             out[frame] = Link(f.name, "modal", inner, outer, none, none, np.zeros(6), node=node)
     return out

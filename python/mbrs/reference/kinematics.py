@@ -276,7 +276,9 @@ def _modal_twist(t: TreeJoint, bodies: Motion, inner: jt.Vectors, one: Array) ->
     x, z = column(frame[1], 0), column(node[1], 2)
     across = cross(z, x)
     axes = (x, power(dot(across, across), -0.5) * across, z)
-    slip = (select @ shape[:3].T) @ frame[1].T
+    q = t.link.node.owner.coordinates(bodies)
+    turned = q.map(lambda c: np.einsum("...ak,ikl->...li", c, t.link.node.quadratic))
+    slip = (select @ (jet(shape[:3].T) + turned)) @ frame[1].T
     turn = jet(np.zeros((len(select), 3)))
     for axis, row in zip(axes, shape[3:], strict=True):
         turn = turn + (select @ row)[:, None] @ axis

@@ -135,9 +135,7 @@ def _elastic(
         pick = line_points(modal)
         if len(pick) < 2:
             continue
-        local = modal.line_position[pick] + np.einsum(
-            "kim,tm->tki", modal.line_shape[pick][:, :3], _modal_frames(traj, name, times)
-        )
+        local = modal.places(_modal_frames(traj, name, times).T, pick)
         q = quaternion[:, scene.index[name]][:, None]
         arm = np.concatenate([np.zeros((*local.shape[:2], 1)), local], axis=-1)
         turned = _product(_product(np.broadcast_to(q, arm.shape), arm), _conjugate(q))[..., 1:]

@@ -34,9 +34,9 @@ use crate::multibody::assemble::{Effects, Scene, Tangent};
 use crate::multibody::connector::collapsed;
 use crate::multibody::flexible::Fold;
 use crate::multibody::placement::{Placement, State, advance, place};
-use crate::multibody::topology::{Node, Topology};
+use crate::multibody::topology::Topology;
 use crate::run::Counts;
-use crate::spatial::{Real, Six, V3};
+use crate::spatial::{Real, Six};
 use crate::tolerances::linearisation::UNRESOLVED;
 
 /// Second-order matrices in minimal coordinates: `damping` is D, `stiffness` S; None where nothing acts.
@@ -70,8 +70,6 @@ pub struct Linearization {
     pub force_scale: f64,
     /// the same of the island that each minimal coordinate moves
     pub force_sizes: Vec<f64>,
-    /// of each node that shapes move: its body, and the force on the flexible body there, axes of that body's frame
-    pub node_forces: Vec<(usize, V3<f64>)>,
 }
 
 /// Rows of tree coordinates to minimal ones, B''^T X.
@@ -276,7 +274,6 @@ pub fn linearize(setting: &Setting<'_>, counts: &mut Counts) -> Result<Lineariza
     let tau = scene.residual(None);
     let lam = loops.as_ref().map_or_else(|| DVector::zeros(0), |l| l.multipliers(&jacobian, &tau));
     let tangent = scene.tangent(Some(lam.as_slice()), counts);
-    let node_forces = node_forces(&scene, lam.as_slice());
     let islands = force_sizes(&scene, &tangent, system.length);
     let force_scale = islands.iter().sum();
     check_finite(&scene, &tangent)?;
@@ -302,26 +299,8 @@ pub fn linearize(setting: &Setting<'_>, counts: &mut Counts) -> Result<Lineariza
         ground_coupling,
         force_scale,
         force_sizes: free.iter().map(|i| islands[topology.island_of(*i)]).collect(),
-        node_forces,
         loops,
     })
-}
-
-/// What all that hangs on a node passes on to its flexible body.
-fn node_forces(scene: &Scene<'_, f64>, lam: &[f64]) -> Vec<(usize, V3<f64>)> {
-    let topology = scene.topology;
-    if topology.modal.is_empty() {
-        return Vec::new();
-    }
-    let sums = scene.subtree_wrenches(scene.body_wrenches(Some(lam)));
-    let moving = topology.nodes.iter().enumerate().filter(|(_, n)| n.kind.is_modal());
-    let of = |(i, node): (usize, &Node)| {
-        let carrier = node.parent.map_or(node.body, |p| topology.nodes[p].body);
-        let body = if node.reversed { carrier } else { node.body };
-        let frame = topology.modal[topology.tables.tips[topology.tip(node)].flexible].node;
-        (body, scene.placement.pose[frame].r.transpose() * sums[i].l * if node.reversed { -1.0 } else { 1.0 })
-    };
-    moving.map(of).collect()
 }
 
 fn sum<T: Real>(a: Option<DMatrix<T>>, b: Option<DMatrix<T>>) -> Option<DMatrix<T>> {
@@ -469,7 +448,7 @@ pub fn body_map<T: Real>(
             }
         }
     }
-    if let Some(fold) = Fold::of(topology, geometry) {
+    if let Some(fold) = Fold::of(topology, geometry, &placement.modal) {
         map = fold.rows_of(&map.transpose()).transpose();
     }
     match loops {

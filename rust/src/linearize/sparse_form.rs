@@ -96,7 +96,7 @@ impl SparseForm {
         });
         let (rates, accelerations) = (moved.as_ref().map(|m| m.0.as_slice()), moved.as_ref().map(|m| m.1.as_slice()));
         let motion = rate.map(|_| motion(&tree, &free, &centres));
-        let fold = Fold::of(&free, &system.geometry);
+        let fold = Fold::of(&free, &system.geometry, &placement.modal);
         let columns = free.dofs.len();
         let empty = || Matrix::zeros(columns, columns, true);
         let mut builder = Builder {
@@ -157,7 +157,7 @@ impl SparseForm {
     /// Twists of all bodies about their centres of mass, then of the nodes of flexible ones, from the coordinates.
     pub fn bodies(&self, system: &System, x: &[f64]) -> Vec<f64> {
         let (free, placed) = (&self.free, &self.free_placement);
-        let nodes = node_rates(free, &system.geometry, x);
+        let nodes = node_rates(free, &system.geometry, &placed.modal, x);
         let value = |d: usize| if d < x.len() { x[d] } else { nodes[d - x.len()] };
         let mut twist: Vec<Six<f64>> = Vec::with_capacity(free.nodes.len());
         let mut out = vec![0.0; 6 * free.nodes.len()];
@@ -497,6 +497,7 @@ impl<'a> Builder<'a> {
         let n = self.free.topology.n_tree;
         let mut made = Triplets::new(n, n);
         self.free.multiplier_stiffness_into(&all, &mut made, counts);
+        self.free.add_turned_forces(self.free.body_wrenches(None), &mut made);
         made.list.into_iter().for_each(|(i, j, v)| self.stiffness.add(i as usize, j as usize, v));
     }
 

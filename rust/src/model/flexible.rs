@@ -25,6 +25,8 @@ pub struct TipSpec {
     pub body: usize,
     /// start of its position and shape
     pub x: usize,
+    /// start of its second-order displacements, where it has any
+    pub quadratic: Option<usize>,
 }
 
 impl FlexibleSpec {
@@ -100,34 +102,80 @@ impl<T: Real> FlexibleGeometry<T> {
     }
 }
 
-/// Place of a moving node from the centre of mass, and its shape, body axes.
+/// Place of a moving node from the centre of mass, and its shape, body axes: w = phi_k q_k + psi_kl q_k q_l / 2.
 #[derive(Debug, Clone)]
 pub struct TipGeometry<T: Real> {
     pub offset: V3<T>,
     /// displacement and rotation for each mode
     pub shape: Vec<[T; 6]>,
+    /// psi, displacements of second order (foreshortening), m x m, row by row; empty without
+    pub quadratic: Vec<V3<T>>,
 }
 
 impl<T: Real> TipGeometry<T> {
-    pub fn derive(x: &[T], m: usize, com: &V3<T>) -> Self {
+    pub fn derive(spec: &TipSpec, x: &[T], m: usize, com: &V3<T>) -> Self {
+        let own = &x[spec.x..];
+        let second = |x: &[T]| (0..m * m).map(|kl| V3::from_fn(|i, _| x[i * m * m + kl])).collect();
         TipGeometry {
-            offset: V3::from_fn(|i, _| x[node::POSITION + i]) - com,
-            shape: (0..m).map(|k| std::array::from_fn(|i| x[node::SHAPE + i * m + k])).collect(),
+            offset: V3::from_fn(|i, _| own[node::POSITION + i]) - com,
+            shape: (0..m).map(|k| std::array::from_fn(|i| own[node::SHAPE + i * m + k])).collect(),
+            quadratic: spec.quadratic.map_or_else(Vec::new, |start| second(&x[start..])),
         }
     }
 
     pub fn map<U: Real>(&self, f: &mut impl FnMut(T) -> U) -> TipGeometry<U> {
-        TipGeometry { offset: self.offset.map(&mut *f), shape: self.shape.iter().map(|row| row.map(&mut *f)).collect() }
+        TipGeometry {
+            offset: self.offset.map(&mut *f),
+            shape: self.shape.iter().map(|row| row.map(&mut *f)).collect(),
+            quadratic: self.quadratic.iter().map(|v| v.map(&mut *f)).collect(),
+        }
     }
 
-    /// Three displacements and three successive rotations of modal values.
+    /// w: three displacements and three successive rotations.
     pub fn of(&self, modal: &[T]) -> [T; 6] {
+        let mut out = self.linear(modal);
+        if !self.quadratic.is_empty() {
+            let second = self.second(modal, modal);
+            (0..3).for_each(|i| out[i] += second[i] * 0.5);
+        }
+        out
+    }
+
+    /// w' = (phi_k + psi_kl q_l) q_k'.
+    pub fn rate(&self, modal: &[T], rate: &[T]) -> [T; 6] {
+        let mut out = self.linear(rate);
+        if !self.quadratic.is_empty() {
+            let second = self.second(modal, rate);
+            (0..3).for_each(|i| out[i] += second[i]);
+        }
+        out
+    }
+
+    /// phi_k v_k.
+    fn linear(&self, v: &[T]) -> [T; 6] {
         let mut out = [T::zero(); 6];
-        for (row, q) in self.shape.iter().zip(modal) {
-            for (o, v) in out.iter_mut().zip(row) {
-                *o += *v * *q;
+        for (row, v) in self.shape.iter().zip(v) {
+            for (o, w) in out.iter_mut().zip(row) {
+                *o += *w * *v;
             }
         }
         out
+    }
+
+    /// psi_kl a_k b_l.
+    pub fn second(&self, a: &[T], b: &[T]) -> V3<T> {
+        let mut out = V3::zeros();
+        for (row, a) in self.quadratic.chunks_exact(b.len().max(1)).zip(a) {
+            for (psi, b) in row.iter().zip(b) {
+                out += psi * (*a * *b);
+            }
+        }
+        out
+    }
+
+    /// psi_kl v_l for each mode k; empty without psi.
+    pub fn turned(&self, v: &[T]) -> Vec<V3<T>> {
+        let sum = |row: &[V3<T>]| row.iter().zip(v).fold(V3::zeros(), |sum, (psi, v)| sum + psi * *v);
+        self.quadratic.chunks_exact(v.len().max(1)).map(sum).collect()
     }
 }

@@ -187,7 +187,7 @@ fn reference<T: Real>(tables: &Tables, body: usize, x: &[T]) -> V3<T> {
 fn tip_geometry<T: Real>(tables: &Tables, tip: &TipSpec, x: &[T]) -> TipGeometry<T> {
     let f = &tables.flexible[tip.flexible];
     let com = vector(x, tables.bodies[f.body].x + layout::body::COM);
-    TipGeometry::derive(&x[tip.x..], f.m, &com)
+    TipGeometry::derive(tip, x, f.m, &com)
 }
 
 /// A moving node: its undeformed place in its flexible body.

@@ -192,6 +192,14 @@ pub mod node {
     }
 }
 
+/// The numbers of a quadratic.
+pub mod quadratic {
+    pub const DISPLACEMENT: usize = 0;
+    pub const fn size(m: usize) -> usize {
+        3 * m * m
+    }
+}
+
 /// The numbers of a air.
 pub mod air {
     pub const DENSITY: usize = 0;

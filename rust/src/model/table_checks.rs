@@ -1,6 +1,6 @@
 //! What the Tables of flexible bodies and of blades must hold before anything is computed with them.
 use crate::error::{Error, Result};
-use crate::model::layout::{air, node, section};
+use crate::model::layout::{air, node, quadratic, section};
 use crate::model::tables::Tables;
 
 impl Tables {
@@ -15,7 +15,8 @@ impl Tables {
         for tip in &self.tips {
             let f = self.flexible.get(tip.flexible).ok_or_else(outside)?;
             let end = tip.x.checked_add(node::size(f.m)).ok_or_else(outside)?;
-            if end > self.x.len() || tip.body >= self.bodies.len() {
+            let second = tip.quadratic.map_or(Some(0), |start| start.checked_add(quadratic::size(f.m)));
+            if end.max(second.ok_or_else(outside)?) > self.x.len() || tip.body >= self.bodies.len() {
                 return Err(outside());
             }
         }

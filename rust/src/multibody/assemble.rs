@@ -132,7 +132,7 @@ impl<T: Real> Scene<'_, T> {
 
     /// How columns of moving nodes come to the coordinates; None without flexible bodies.
     pub fn fold(&self) -> Option<Fold<'_, T>> {
-        Fold::of(self.topology, self.geometry)
+        Fold::of(self.topology, self.geometry, &self.placement.modal)
     }
 
     pub(crate) fn numbers(&self) -> Numbers<'_, T> {
@@ -212,7 +212,7 @@ impl<T: Real> Scene<'_, T> {
         match &self.fold() {
             None => add_inertia(&unloaded, mass, unused, None),
             Some(fold) => {
-                let (mut mass, mut unused) = (Folded { inner: mass, fold }, Folded { inner: unused, fold });
+                let (mut mass, mut unused) = (Folded::new(mass, fold), Folded::new(unused, fold));
                 add_inertia(&unloaded, &mut mass, &mut unused, None);
             }
         }
@@ -252,14 +252,17 @@ impl<T: Real> Scene<'_, T> {
         sums
     }
 
+    /// Generalised forces of body wrenches over the columns.
+    fn over_columns(&self, wrenches: Vec<Six<T>>) -> DVector<T> {
+        let sums = self.subtree_wrenches(wrenches);
+        let columns = self.topology.dofs.iter().zip(&self.placement.column);
+        DVector::from_iterator(self.topology.dofs.len(), columns.map(|(dof, s)| s.dot(&sums[dof.node])))
+    }
+
     /// rho in tree coordinates; without `lam` the multipliers are left out.
     pub fn residual(&self, lam: Option<&[T]>) -> DVector<T> {
         let (inertia, modal) = self.inertia(self.effects.centrifugal).all_forces().unzip();
-        let sums = self.subtree_wrenches(self.wrenches_with(inertia, lam));
-        let all = DVector::from_iterator(
-            self.topology.dofs.len(),
-            self.topology.dofs.iter().zip(&self.placement.column).map(|(dof, s)| s.dot(&sums[dof.node])),
-        );
+        let all = self.over_columns(self.wrenches_with(inertia, lam));
         match self.fold() {
             None => all,
             Some(fold) => {
@@ -286,13 +289,51 @@ impl<T: Real> Scene<'_, T> {
             return self.tangent_over_columns(lam, counts, empty);
         };
         counts.add("flexible bodies", self.topology.modal.len() as u64);
-        let made = self.tangent_over_columns(lam, counts, || Folded { inner: empty(), fold });
+        let quadratic = fold.is_quadratic();
+        let keeps = quadratic && self.rate.or(self.acceleration).is_some();
+        let kept = || keeps.then(Vec::new);
+        let mut made = self.tangent_over_columns(lam, counts, || Folded { inner: empty(), fold, kept: kept() });
+        if quadratic && self.effects.constraint_force_stiffness {
+            self.add_turned_forces(self.body_wrenches(lam), &mut made.stiffness.inner);
+            counts.add("turning node forces", 1);
+        }
+        if keeps {
+            self.add_moving_fold(fold, &mut made);
+        }
         Tangent {
             mass: made.mass.inner,
             damping: made.damping.map(|d| d.inner),
             gyroscopic: made.gyroscopic.map(|g| g.inner),
             stiffness: made.stiffness.inner,
             number: PhantomData,
+        }
+    }
+
+    /// The stiffness of wrenches at nodes that move in second order, whose shares in the modal coordinates turn with these.
+    pub(crate) fn add_turned_forces(&self, wrenches: Vec<Six<T>>, into: &mut impl Entries<T>) {
+        if let Some(fold) = self.fold().filter(Fold::is_quadratic) {
+            fold.add_turned_forces(&self.over_columns(wrenches), into);
+        }
+    }
+
+    /// Rates and accelerations of nodes that move in second order depend on the modal coordinates: w' = E q', w" = E q" + psi q' q'.
+    fn add_moving_fold<E: Entries<T>>(&self, fold: &Fold<'_, T>, made: &mut Tangent<T, Folded<'_, T, E>>) {
+        let mut take = |from: Option<&mut Folded<'_, T, E>>| from.and_then(|f| f.kept.take()).unwrap_or_default();
+        let mass = take(Some(&mut made.mass));
+        let [damping, gyroscopic] = [made.damping.as_mut(), made.gyroscopic.as_mut()].map(&mut take);
+        let stiffness = &mut made.stiffness.inner;
+        if let Some(rate) = self.rate {
+            let twice: Vec<T> = rate.iter().map(|v| *v * 2.0).collect();
+            if let Some(gyroscopic) = &mut made.gyroscopic {
+                fold.add_along(&mass, &twice, &mut gyroscopic.inner);
+            }
+            fold.add_along(&damping, rate, stiffness);
+            if self.effects.centrifugal {
+                fold.add_along(&gyroscopic, rate, stiffness);
+            }
+        }
+        if let Some(acceleration) = self.acceleration {
+            fold.add_along(&mass, acceleration, stiffness);
         }
     }
 
@@ -400,7 +441,10 @@ impl<T: Real> Scene<'_, T> {
     pub fn multiplier_stiffness_into<E: Entries<T>>(&self, lam: &[T], into: &mut E, counts: &mut Counts) {
         match &self.fold() {
             None => self.add_multiplier_stiffness(lam, into, counts),
-            Some(fold) => self.add_multiplier_stiffness(lam, &mut Folded { inner: into, fold }, counts),
+            Some(fold) => {
+                self.add_multiplier_stiffness(lam, &mut Folded::new(&mut *into, fold), counts);
+                self.add_turned_forces(self.multiplier_wrenches(lam), into);
+            }
         }
     }
 

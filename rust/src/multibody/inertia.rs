@@ -6,7 +6,7 @@
 use nalgebra::DMatrix;
 
 use crate::linalg::entries::Entries;
-use crate::multibody::flexible::node_rates;
+use crate::multibody::flexible::node_accelerations;
 use crate::multibody::flexible_inertia::{Shapes, shapes};
 use crate::multibody::inertia_input::InertiaInput;
 use crate::spatial::{M3, Map6, Real, Six, V3, conjugated, outer, product, skew, turned};
@@ -91,7 +91,7 @@ impl<T: Real> InertiaInput<'_, T> {
         let base = Six::new(self.gravity.map_or_else(V3::zeros, |g| -g), V3::zeros());
         let mut body: Vec<Six<T>> = Vec::with_capacity(self.topology.nodes.len());
         let mut before = vec![Six::zero(); self.topology.dofs.len()];
-        let nodes = self.acceleration.map(|a| node_rates(self.topology, self.geometry, a));
+        let (nodes, n) = (self.node_accelerations(), self.topology.n_tree);
         for (i, node) in self.topology.nodes.iter().enumerate() {
             let mut a = self.to_parent(i).map_or(base, |(p, d)| body[p].motion_at(&-d));
             for stage in 0..node.kind.stages() {
@@ -102,15 +102,27 @@ impl<T: Real> InertiaInput<'_, T> {
                     if let (Some(rate), Some(v)) = (self.rate, self.placement.velocity.as_ref()) {
                         a += v.before[d].cross_motion(s).scaled(v.of(rate, d));
                     }
-                    if let (Some(acceleration), Some(nodes)) = (self.acceleration, &nodes) {
-                        let n = acceleration.len();
-                        a += s.scaled(if d < n { acceleration[d] } else { nodes[d - n] });
+                    match self.acceleration {
+                        _ if d >= n => a += s.scaled(nodes[d - n]),
+                        Some(acceleration) => a += s.scaled(acceleration[d]),
+                        None => {}
                     }
                 }
             }
             body.push(a);
         }
         Accelerations { body, before }
+    }
+
+    /// Those of the columns of moving nodes, as far as accelerations and rates count.
+    fn node_accelerations(&self) -> Vec<T> {
+        let n = self.topology.n_tree;
+        if self.topology.dofs.len() == n {
+            return Vec::new();
+        }
+        let none = || vec![T::zero(); n];
+        let acceleration = self.acceleration.map_or_else(none, <[T]>::to_vec);
+        node_accelerations(self.topology, self.geometry, &self.placement.modal, self.rate, &acceleration)
     }
 
     /// Per node: the spatial acceleration about the centre of mass.

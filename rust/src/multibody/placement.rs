@@ -175,7 +175,7 @@ pub fn place<T: Real>(topology: &Topology, geometry: &Geometry<T>, q: &[T], rate
         pose.push(body);
     }
     let velocity = rate.map(|rate| {
-        let nodes = node_rates(topology, geometry, rate);
+        let nodes = node_rates(topology, geometry, &modal, rate);
         velocities(topology, &pose, &column, rate, nodes)
     });
     Placement { q: q.to_vec(), pose, column, velocity, modal, turns: None }
@@ -210,7 +210,7 @@ pub fn place_free(
     }
     let velocity = rate.zip(placement.velocity.as_ref()).map(|(rate, v)| {
         let rate = free_rates(free, topology, rate, v);
-        let nodes = node_rates(free, geometry, &rate);
+        let nodes = node_rates(free, geometry, &placement.modal, &rate);
         velocities(free, &pose, &column, &rate, nodes)
     });
     let pairs = topology.tables.joints.len() + topology.tables.elements.len();
@@ -239,7 +239,7 @@ impl<T: Real> Placement<T> {
 
     /// The same place at other rates.
     pub fn at_rates(mut self, topology: &Topology, geometry: &Geometry<T>, rate: &[T]) -> Self {
-        let nodes = node_rates(topology, geometry, rate);
+        let nodes = node_rates(topology, geometry, &self.modal, rate);
         self.velocity = Some(velocities(topology, &self.pose, &self.column, rate, nodes));
         self
     }

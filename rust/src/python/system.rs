@@ -170,8 +170,6 @@ fn put_linearization(py: Python<'_>, out: &Bound<'_, PyDict>, system: &System, l
     out.set_item("residual", lin.residual.as_slice().to_vec().into_pyarray(py))?;
     out.set_item("ground_coupling", array(&lin.ground_coupling).into_pyarray(py))?;
     out.set_item("force_scale", lin.force_scale)?;
-    let node_forces: Vec<(usize, [f64; 3])> = lin.node_forces.iter().map(|(body, f)| (*body, (*f).into())).collect();
-    out.set_item("node_forces", node_forces)?;
     out.set_item("force_sizes", lin.force_sizes.clone().into_pyarray(py))?;
     out.set_item("reach", motion_scale(&lin.body_map, system.length).into_pyarray(py))?;
     out.set_item("multipliers", lin.lam.clone().into_pyarray(py))

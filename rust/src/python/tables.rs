@@ -124,7 +124,7 @@ impl Flexible {
             made.bodies.push(FlexibleSpec { body: offset(body[i])?, m: offset(modes[i])?, x: offset(x[i])? });
         }
         let names = reader.names("flexible_node_name")?;
-        let [on, x] = columns(reader, "flexible_node", ["body", "x"], names.len())?;
+        let [on, x, second] = columns(reader, "flexible_node", ["body", "x", "quadratic"], names.len())?;
         made.frame = vec![None; names.len()];
         for i in reader.ints("moving_node")? {
             let node = offset(i)?;
@@ -140,7 +140,8 @@ impl Flexible {
                 x: frame.x,
                 tip: Some(made.tips.len()),
             });
-            made.tips.push(TipSpec { flexible, body: number, x: offset(x[node])? });
+            let quadratic = usize::try_from(second[node]).ok();
+            made.tips.push(TipSpec { flexible, body: number, x: offset(x[node])?, quadratic });
         }
         Ok(made)
     }

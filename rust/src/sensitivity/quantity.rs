@@ -3,7 +3,7 @@ use crate::error::{Error, Result};
 use crate::integrate::{Equations, Instant, Motion};
 use crate::model::tables::BodyRef;
 use crate::multibody::connector::relative_of;
-use crate::multibody::flexible::node_rates;
+use crate::multibody::flexible::node_accelerations;
 use crate::multibody::placement::Placement;
 use crate::multibody::topology::Modal;
 use crate::spatial::{Real, Six, V3, turned, turned_back};
@@ -190,7 +190,8 @@ fn body_accelerations<T: Real>(eq: &Equations<'_, T>, at: &Point<'_, T>, placeme
     };
     // spatial accelerations first, which add up like velocities
     let mut spatial: Vec<Six<T>> = Vec::with_capacity(topology.nodes.len());
-    let nodes = node_rates(topology, &eq.geometry, at.acceleration);
+    let rate = Some(at.motion.rate.as_slice());
+    let nodes = node_accelerations(topology, &eq.geometry, &placement.modal, rate, at.acceleration);
     let n = at.acceleration.len();
     for (i, node) in topology.nodes.iter().enumerate() {
         let mut a =

@@ -5,10 +5,10 @@
 use num_dual::{Dual, Dual64};
 
 use crate::model::flexible::FlexibleGeometry;
-use crate::multibody::flexible::{movers, node_rates};
+use crate::multibody::flexible::{movers, node_accelerations, node_rates};
 use crate::multibody::flexible_inertia::Shapes;
 use crate::multibody::placement::Placement;
-use crate::multibody::topology::Modal;
+use crate::multibody::topology::{Modal, Node};
 use crate::spatial::{M3, Real, Six, V3};
 
 use super::tree::{Bodies, Twists};
@@ -95,20 +95,28 @@ impl<N: Real> Body<'_, N> {
 }
 
 impl<T: OnTape> Power<'_, '_, T> {
-    /// Values of all columns: those of the coordinates, and of the nodes that they move.
-    pub fn columns(&self) -> Columns<T> {
+    /// Values of all columns at a place: those of the coordinates, and of the nodes that they move.
+    pub fn columns(&self, at: &Placement<T>) -> Columns<T> {
         let (topology, geometry) = (self.eq.topology(), &self.eq.geometry);
-        let n = self.eq.n();
         let whole = |mut v: Vec<T>| {
-            v.resize(n, T::zero());
-            let nodes = node_rates(topology, geometry, &v);
+            v.resize(self.eq.n(), T::zero());
+            v
+        };
+        let with = |mut v: Vec<T>, nodes: Vec<T>| {
             v.extend(nodes);
             v
         };
+        let moved = |v: Vec<T>| {
+            let nodes = node_rates(topology, geometry, &at.modal, &v);
+            with(v, nodes)
+        };
+        let (rate, acceleration) = (whole(self.motion.rate.clone()), whole(self.acceleration.to_vec()));
+        let turning = self.turning().then_some(rate.as_slice());
+        let pushed = node_accelerations(topology, geometry, &at.modal, turning, &acceleration);
         Columns {
-            rate: whole(self.motion.rate.clone()),
-            acceleration: whole(self.acceleration.to_vec()),
-            virtual_: whole(self.rates.iter().map(|u| T::from(*u)).collect()),
+            acceleration: with(acceleration, pushed),
+            virtual_: moved(whole(self.rates.iter().map(|u| T::from(*u)).collect())),
+            rate: moved(rate),
         }
     }
 
@@ -187,12 +195,11 @@ impl<T: OnTape> Power<'_, '_, T> {
     /// Columns of moving nodes to the modal coordinates and to the nodes' shapes.
     pub fn fold_back(&self, at: &Placement<T>, columns: &Columns<T>, out: &mut Slopes<T>) {
         let topology = self.eq.topology();
-        let nodes = topology.nodes.iter().filter(|n| n.kind.is_modal());
-        for node in nodes {
+        let first = topology.modal.first().map_or(0, |m| m.first);
+        for node in topology.nodes.iter().filter(|n| n.kind.is_modal()) {
             let (tip, own) = movers(topology, node);
-            let first = topology.modal[0].first;
             let geometry = &self.eq.geometry.tips[tip];
-            for (k, modal) in own.enumerate() {
+            for (k, modal) in own.clone().enumerate() {
                 let c = first + modal;
                 for i in 0..6 {
                     let (w, column) = (geometry.shape[k][i], node.first + i);
@@ -205,6 +212,45 @@ impl<T: OnTape> Power<'_, '_, T> {
                         + columns.acceleration[c] * a
                         + columns.virtual_[c] * out.virtual_[column];
                 }
+            }
+            if !geometry.quadratic.is_empty() {
+                self.second_back(at, columns, node, (tip, own), out);
+            }
+        }
+    }
+
+    /// The same of psi: w = psi q q / 2, w' = psi q q', w" = psi (q q" + q' q'), u_w = psi q u.
+    fn second_back(
+        &self,
+        at: &Placement<T>,
+        columns: &Columns<T>,
+        node: &Node,
+        (tip, own): (usize, std::ops::Range<usize>),
+        out: &mut Slopes<T>,
+    ) {
+        let m = own.len();
+        let start = self.eq.topology().modal[0].first + own.start;
+        let all = start..start + m;
+        let (q, u) = (&at.modal[own], &columns.virtual_[all.clone()]);
+        let (v, a) = (&columns.rate[all.clone()], &columns.acceleration[all]);
+        let three = |from: &[T]| V3::from_fn(|i, _| from[node.first + i]);
+        let (by_q, by_v, by_a, by_u) =
+            (three(&out.q), three(&out.rate), three(&out.acceleration), three(&out.virtual_));
+        let turning = self.turning();
+        for k in 0..m {
+            for l in 0..m {
+                let psi = self.eq.geometry.tips[tip].quadratic[k * m + l];
+                let [p, r, s, t] = [by_q, by_v, by_a, by_u].map(|by| psi.dot(&by));
+                out.q[start + k] += p * q[l] + r * v[l] + s * a[l] + t * u[l];
+                out.rate[start + k] += r * q[l];
+                out.acceleration[start + k] += s * q[l];
+                let mut by =
+                    by_q * (q[k] * q[l] * 0.5) + by_v * (q[k] * v[l]) + by_a * (q[k] * a[l]) + by_u * (q[k] * u[l]);
+                if turning {
+                    out.rate[start + k] += s * v[l] * 2.0;
+                    by += by_a * (v[k] * v[l]);
+                }
+                out.geometry.tips[tip].quadratic[k * m + l] += by;
             }
         }
     }

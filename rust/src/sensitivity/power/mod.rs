@@ -120,7 +120,8 @@ impl<T: OnTape> Power<'_, '_, T> {
         let topology = self.eq.topology();
         let motions = topology.tables.motions.len();
         out.start(topology.dofs.len(), self.motion.memory.len(), motions);
-        let (at, columns) = (self.eq.place(self.motion), self.columns());
+        let at = self.eq.place(self.motion);
+        let columns = self.columns(&at);
         let twists = self.twists(&at, &columns);
         let mut bodies = Bodies::none(topology.nodes.len());
         if self.forces != Forces::None {
