@@ -338,7 +338,7 @@ def modal_part(tables: Mapping[str, Any], values: np.ndarray) -> np.ndarray:
 
 
 def _quadratic(numbers: Any, start: int, node: int) -> int:
-    """Where the second-order displacements of a node begin, -1 without any."""
+    """The place where the second-order displacements of a node begin, -1 without any."""
     return start + numbers.quadratic_start(node) if numbers.quadratic else -1
 
 

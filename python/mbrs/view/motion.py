@@ -135,7 +135,7 @@ def _elastic(
         pick = line_points(modal)
         if len(pick) < 2:
             continue
-        local = modal.places(_modal_frames(traj, name, times).T, pick)
+        local = modal.places(_modal_frames(traj, name, times), pick)
         q = quaternion[:, scene.index[name]][:, None]
         arm = np.concatenate([np.zeros((*local.shape[:2], 1)), local], axis=-1)
         turned = _product(_product(np.broadcast_to(q, arm.shape), arm), _conjugate(q))[..., 1:]
