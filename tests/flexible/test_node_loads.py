@@ -187,3 +187,33 @@ def test_energy_is_kept():
     energy = motion.energy.total
     print("energy:", np.ptp(energy), "of", np.ptp(motion.energy.kinetic))
     assert np.ptp(energy) < 1e-6 * np.ptp(motion.energy.kinetic)
+
+
+def narrow(seed, load, weight):
+    """The lowest omega^2 of a deep, narrow cantilever under a tip load over sqrt(EI GJ)/L^2 and a weight over sqrt(EI GJ)/L^3."""
+    rng = np.random.default_rng(seed)
+    EI, GJ, length = np.exp(rng.uniform(-1, 1, 3))
+    R = mb.rotation(rng.normal(size=3), rng.uniform(0.3, 2.5))
+    down = -quaternion_matrix(R)[:, 1]
+    size = np.sqrt(EI * GJ) / length**2
+    mass = 0.83
+    m = mb.Model("plate", gravity=down * weight * size / (mass * length))
+    beam = mb.flexible.beam(
+        length, mass=mass, EI_flap=EI, EI_edge=3e5 * EI, GJ=GJ, inertia_flap=1e-3, inertia_edge=1e-3, modes=24
+    )
+    part = m.flexible_body("plate", beam, orientation=R)
+    m.fixed("clamp", m.ground, part.node("root"))
+    m.force("load", part.node("tip"), value=load * size * down)
+    lin = mb.linearize(m, at=mb.equilibrium(m))
+    return float(np.min(np.linalg.eigvals(np.linalg.solve(lin.M, lin.K)).real))
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_lateral_buckling(seed):
+    """Prandtl 1899: a tip load of 4.0126 sqrt(EI GJ)/L^2, a weight of 12.854 sqrt(EI GJ)/L^2 on the whole (S. P. Timoshenko,
+    J. M. Gere, Theory of Elastic Stability, section 6.3).
+    """
+    for load, weight in ((4.0126, 0.0), (0.0, 12.854)):
+        below, above = (narrow(seed, f * load, f * weight) for f in (0.997, 1.003))
+        print(f"load {load}, weight {weight}: lowest omega^2 {below:.4g} and {above:.4g}")
+        assert below > 0.0 > above

@@ -75,28 +75,73 @@ def inertial_stiffness(grid: Mesh, T: Array, clamped: bool, whole: Mesh | None =
     return 0.5 * (KG + np.swapaxes(KG, 1, 2))
 
 
-def foreshortening(grid: Mesh, T: Array, clamped: bool) -> Array:
-    """psi (n, 3, m, m) of the nodes of a beam: u_x = -1/2 int_0^x (v'^2 + w'^2) dx, of a free beam less its mean over the mass.
+def second_order(grid: Mesh, T: Array, clamped: bool) -> Array:
+    """psi (n, 3, m, m) of the nodes of a beam: foreshortening, and bending that torsion turns to the side.
 
-    The mean is that of `inertial_stiffness`, in which the centre of mass of a free beam stays where it is.
+        u = -1/2 int_0^x (v'^2 + w'^2) ds,   v = -int_0^x (x - s) rx w" ds,   w = int_0^x (x - s) rx v" ds
+
+    Of a free beam less the rigid motion that would move its mass on the whole, as in `inertial_stiffness` and `turned_stiffness`.
+    """
+    squares = np.array([p.weight * (p.slope @ T[p.dofs]).T @ (p.slope @ T[p.dofs]) for p in grid.points])
+    bent = _turned_curvatures(grid, T)
+    arm = np.array([p.x for p in grid.points])
+    at = grid.x[:, None, None]
+    out = np.zeros((len(grid.x), 3, *bent.shape[2:]))
+    out[:, 0] = -_up_to(grid, squares)
+    for i, c in enumerate(bent, start=1):
+        out[:, i] = at * _up_to(grid, c) - _up_to(grid, arm[:, None, None] * c)
+    if not clamped:
+        mass, centre = rigid_body(grid)[0], rigid_body(grid)[1][0]
+        beyond = _outboard(grid, [0.0, 1.0])
+        out[:, 0] += np.einsum("p,pkl->kl", [beyond(x) / mass for x in arm], squares)
+        spread = rigid_moments(grid)[2] - mass * centre**2
+        pulled, tipped = (_moments(grid, field) for field in ([0.0, 1.0], [1.0, -centre]))
+        for i, c in enumerate(bent, start=1):
+            mean, turn = np.einsum("p,pkl->kl", pulled / mass, c), np.einsum("p,pkl->kl", tipped / spread, c)
+            out[:, i] -= mean + (at - centre) * turn
+    return 0.5 * (out + np.swapaxes(out, 2, 3))
+
+
+def turned_stiffness(grid: Mesh, T: Array, clamped: bool) -> Array:
+    """KG (12, m, m) of fields across a clamped beam, whose bending moments torsion turns to the side (`second_order`).
+
+    They are int rho psi dx and int rho x psi dx; those of a free beam vanish.
     """
     m = T.shape[1]
-    # of each quadrature point, in the order of x
-    squares = np.array([p.weight * (p.slope @ T[p.dofs]).T @ (p.slope @ T[p.dofs]) for p in grid.points])
+    KG = np.zeros((12, m, m))
+    if clamped:
+        for i, c in enumerate(_turned_curvatures(grid, T), start=1):
+            KG[i] = np.einsum("p,pkl->kl", _moments(grid, [0.0, 1.0]), c)
+            KG[3 + 3 * i] = np.einsum("p,pkl->kl", _moments(grid, [1.0, 0.0]), c)
+    return KG
+
+
+def _turned_curvatures(grid: Mesh, T: Array) -> Array:
+    """psi of the curvatures -rx w" and rx v" at the quadrature points, times their weights, (2, p, m, m)."""
+    out = []
+    for p in grid.points:
+        turn, (about_y, about_z) = p.N[3] @ T[p.dofs], p.B[4:] @ T[p.dofs]
+        both = np.stack([np.outer(turn, about_y), np.outer(turn, about_z)])  # ry' = -w", rz' = v"
+        out.append(p.weight * (both + np.swapaxes(both, 1, 2)))
+    return np.swapaxes(np.array(out), 0, 1)
+
+
+def _up_to(grid: Mesh, parts: Array) -> Array:
+    """Sums over the quadrature points (p, ...) between the root and each node, (n, ...)."""
     n = len(grid.x) - 1
-    along = np.zeros((n + 1, m, m))
-    along[1:] = -np.cumsum(squares.reshape(n, -1, m, m).sum(axis=1), axis=0)
-    if not clamped:
-        beyond = _outboard(grid, [0.0, 1.0])
-        share = np.array([beyond(p.x) for p in grid.points]) / rigid_body(grid)[0]
-        along += np.einsum("p,pkl->kl", share, squares)
-    out = np.zeros((n + 1, 3, m, m))
-    out[:, 0] = 0.5 * (along + np.swapaxes(along, 1, 2))
-    return out
+    of_elements = parts.reshape(n, -1, *parts.shape[1:]).sum(axis=1)
+    return np.concatenate([np.zeros((1, *parts.shape[1:])), np.cumsum(of_elements, axis=0)])
+
+
+def _moments(grid: Mesh, field: list[float]) -> Array:
+    """int_s^L rho b (x - s) dx of a linear b at the quadrature points s."""
+    pulled = _outboard(grid, field)
+    tipped = _outboard(grid, [*field, 0.0])
+    return np.array([tipped(p.x) - p.x * pulled(p.x) for p in grid.points])
 
 
 def _outboard(grid: Mesh, field: list[float]) -> Any:
-    """int_x^L rho b dx' for a linear b; exact, since rho is linear in every element."""
+    """int_x^L rho b dx' for a polynomial b; exact, since rho is linear in every element."""
     ends = grid.x
     linear = []
     for a, b in itertools.pairwise(ends):

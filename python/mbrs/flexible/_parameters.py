@@ -23,7 +23,7 @@ import numpy as np
 
 from ..errors import ModelError
 from ._elements import Mesh, Section
-from ._integrals import inertial_stiffness, rigid_moments, shape_integrals
+from ._integrals import inertial_stiffness, rigid_moments, shape_integrals, turned_stiffness
 
 Array = np.ndarray
 _INERTIA = ("mass", "inertia_flap", "inertia_edge")
@@ -121,16 +121,17 @@ def _powers(stretch: Any) -> dict[int, Any]:
 
 
 def stretched_nodes(at: Array, shape: Array, quadratic: Array, stretch: Any) -> dict[str, Array]:
-    """Places (n, 3), shapes (n, 6, m) and foreshortening (n, 3, m, m) of nodes of a beam that is stretched."""
+    """Places (n, 3), shapes (n, 6, m) and second-order displacements (n, 3, m, m) of nodes of a beam that is stretched."""
     place, bent = at.astype(object), shape.astype(object)
     _add(place, at, stretch - 1.0)
     across = np.zeros_like(shape)
     across[:, _ACROSS] = shape[:, _ACROSS]
     _add(bent, across, 1.0 / stretch - 1.0)
-    # int v'^2 dx, with slopes over the length
-    shortened = quadratic.astype(object)
-    _add(shortened, quadratic, 1.0 / stretch - 1.0)
-    return {"node_position": place, "node_shape": bent, "node_quadratic": shortened}
+    # int v'^2 dx, with slopes over the length; int int rx v" dx dx does not change
+    second, shortened = quadratic.astype(object), np.zeros_like(quadratic)
+    shortened[:, 0] = quadratic[:, 0]
+    _add(second, shortened, 1.0 / stretch - 1.0)
+    return {"node_position": place, "node_shape": bent, "node_quadratic": second}
 
 
 def _stiffness_parts(part: Mesh, T: Array) -> Parts:
@@ -156,7 +157,10 @@ def _inertia_parts(part: Mesh, T: Array, clamped: bool, whole: Mesh | None) -> d
         even, linear = KG["t"].copy(), KG["t"].copy()
         even[3:], linear[:3] = 0.0, 0.0
         squares = _squares({kind: found - KG["t"] for kind, found in KG.items()})
-        out["KG"] = squares | {0: squares[0] + even, 1: squares[1] + linear}
+        turned = turned_stiffness(part, T, clamped)
+        across, tipped = turned.copy(), turned.copy()
+        across[3:], tipped[:3] = 0.0, 0.0
+        out["KG"] = squares | {0: squares[0] + even, 1: squares[1] + linear + across, 2: tipped}
     return out
 
 

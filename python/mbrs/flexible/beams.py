@@ -11,7 +11,7 @@ import numpy as np
 from .._lib.checks import choice, count, flag, names, shown, sized_array
 from ..errors import ModelError
 from ._elements import Mesh, Section, mesh
-from ._integrals import foreshortening, inertial_stiffness, rigid_body, shape_integrals
+from ._integrals import inertial_stiffness, rigid_body, second_order, shape_integrals, turned_stiffness
 from ._parameters import Channel, channels, driven, plain, stretched_nodes
 from ._reduction import reduced_shapes
 from .modal_body import ModalBody
@@ -92,8 +92,9 @@ def beam(
     theory
         "euler-bernoulli" (with rotary inertia where it is given) or "timoshenko" (shear, too).
     stiffening
-        Foreshortening: geometric stiffness of the axial force that inertial fields cause (centrifugal stiffening,
-        `ModalBody.KG`) and that forces at nodes cause (columns, `ModalBody.node_quadratic`).
+        Displacements of second order: foreshortening, by which axial forces of inertial fields and weight
+        (`ModalBody.KG`) and at nodes (`ModalBody.node_quadratic`) stiffen or buckle the beam, and bending that torsion
+        turns to the side (lateral buckling).
     damping
         Ratio of critical damping of all modes, or (m,) of each; none by default.
 
@@ -121,8 +122,8 @@ def beam(
 
     Notes
     -----
-    Linear theory in the frame: deflections small against the length; foreshortening enters through ``stiffening`` only,
-    and of inertial fields only the axial force counts (the free beam: that of rotation about its centre). Error of the
+    Linear theory in the frame: deflections small against the length; second order enters through ``stiffening`` only,
+    and of a free beam of inertial fields only the axial force of rotation about its centre. Error of the
     frequencies O(h^4) in the element length. Cost O(n^3) for n degrees of freedom, O(m^2 n) for the integrals.
 
     Examples
@@ -330,13 +331,16 @@ def _reduced(
     where = np.zeros((len(grid.x), 3))
     where[:, 0] = grid.x
     m = T.shape[1]
-    second = foreshortening(grid, T, bool(fixed)) if stiffening else np.zeros((len(grid.x), 3, m, m))
+    second, KG = np.zeros((len(grid.x), 3, m, m)), np.zeros((12, m, m))
+    if stiffening:
+        second = second_order(grid, T, bool(fixed))
+        KG = inertial_stiffness(grid, T, bool(fixed)) + turned_stiffness(grid, T, bool(fixed))
     note = f"{theory} beam, {grid.x[-1]:g} m, {len(grid.x) - 1} elements, "
     note += f"{'clamped at the root' if fixed else 'free, mean axes'}"
     integrals = dict(
         **shape_integrals(grid, T),
         K=np.diag(square),
-        KG=inertial_stiffness(grid, T, bool(fixed)) if stiffening else np.zeros((12, m, m)),
+        KG=KG,
     )
     C = modal_damping(plain(damping), np.sqrt(square), "beam")
     clamped, nodes_follow = bool(fixed), {}
