@@ -27,6 +27,7 @@ use crate::constraint::singular_pose::reduction;
 use crate::error::{Error, Result};
 use crate::linalg::entries::Sizes;
 use crate::linalg::matrix::Matrix;
+use crate::linearize::parts::motion_scale;
 use crate::linearize::rolling::{Follow, rolling, rolls};
 use crate::model::geometry::Geometry;
 use crate::multibody::System;
@@ -64,6 +65,8 @@ pub struct Linearization {
     pub acceleration: Option<Vec<f64>>,
     /// 6 n_bodies x dof: twist of each body's origin, world axes, bodies in the order of the model
     pub body_map: DMatrix<f64>,
+    /// how far a unit of each coordinate moves the bodies, in characteristic lengths and radians
+    pub reach: Vec<f64>,
     /// (dof, 6): momentum of a common rigid motion about the world origin
     pub ground_coupling: DMatrix<f64>,
     /// the size of all forces at work, moments over the characteristic length, times that length
@@ -295,6 +298,7 @@ pub fn linearize(setting: &Setting<'_>, counts: &mut Counts) -> Result<Lineariza
         lam: lam.as_slice().to_vec(),
         residual,
         acceleration,
+        reach: motion_scale(&body_map, system.length),
         body_map,
         ground_coupling,
         force_scale,

@@ -1,5 +1,5 @@
 //! Modes of a linearised model, with the factors of its own mass and stiffness where assembled matrices have lost digits.
-use faer::Mat;
+use faer::{Mat, MatRef};
 use nalgebra::DMatrix;
 
 use crate::error::{Error, Result};
@@ -14,7 +14,7 @@ use crate::second_order::modal::{Kind, Modal, modes};
 use crate::spatial::V3;
 
 fn square(x: &DMatrix<f64>) -> Mat<f64> {
-    Mat::from_fn(x.nrows(), x.ncols(), |i, j| x[(i, j)])
+    MatRef::from_column_major_slice(x.as_slice(), x.nrows(), x.ncols()).to_owned()
 }
 
 /// The system of a linearised state.

@@ -37,15 +37,15 @@ pub fn parts(setting: &Setting<'_>, made: &Linearization, turn: Option<&DMatrix<
     if moving {
         clean_spinning(setting, &made.matrices.mass, &mut damping, &mut position);
     }
-    let reach = motion_scale(&made.body_map, system.length);
-    let forces: Vec<f64> = made.force_sizes.iter().zip(&reach).map(|(f, r)| f.sqrt() * r).collect();
+    let reach = &made.reach;
+    let forces: Vec<f64> = made.force_sizes.iter().zip(reach).map(|(f, r)| f.sqrt() * r).collect();
     // forces of air have no potential and couple across
     let airy = setting.effects.aerodynamics && !system.topology.tables.sections.is_empty();
     let (damping, gyroscopic) = split_damping(damping, moving || airy || cross_coupled(system, bushing::C));
-    let (stiffness, circulatory) = split_stiffness(&position, &forces, !(moving || airy || has_no_potential(system)));
-    let mut out = Parts { damping, gyroscopic, stiffness, circulatory, error: unbalance(made, &reach) };
+    let (stiffness, circulatory) = split_stiffness(position, &forces, !(moving || airy || has_no_potential(system)));
+    let mut out = Parts { damping, gyroscopic, stiffness, circulatory, error: unbalance(made, reach) };
     if !moving {
-        drop_rounding(setting, made, (&reach, &forces), &mut out.stiffness);
+        drop_rounding(setting, made, (reach, &forces), &mut out.stiffness);
     }
     Ok(out)
 }
@@ -95,11 +95,20 @@ pub fn motion_scale(body_map: &DMatrix<f64>, length: f64) -> Vec<f64> {
     if body_map.is_empty() {
         return vec![1.0; body_map.ncols()];
     }
-    let one = |t: nalgebra::DVectorView<'_, f64>| {
-        let moved = |k: usize| (t[k] * t[k] + t[k + 1] * t[k + 1] + t[k + 2] * t[k + 2]).sqrt();
-        (0..t.len()).step_by(6).map(|k| moved(k) / length + moved(k + 3)).fold(0.0, f64::max)
+    let square = |t: &[f64]| t[0] * t[0] + t[1] * t[1] + t[2] * t[2];
+    let farthest = |column: &[f64]| {
+        let mut most = 0.0_f64;
+        // those far out come last and move most; (a + b)^2 <= 2 (a^2 + b^2) tells that a body moves less without roots
+        for twist in column.rchunks_exact(6) {
+            let (place, angle) = (square(&twist[..3]) / (length * length), square(&twist[3..]));
+            if 2.0 * (place + angle) > most * most {
+                most = most.max(place.sqrt() + angle.sqrt());
+            }
+        }
+        most
     };
-    body_map.column_iter().map(|t| one(t.as_view())).collect()
+    let rows = body_map.nrows();
+    body_map.as_slice().chunks_exact(rows).map(farthest).collect()
 }
 
 /// The largest |residual| over the forces at work; nan where there is one.
@@ -124,13 +133,13 @@ fn split_damping(d: Option<DMatrix<f64>>, skew: bool) -> (Option<DMatrix<f64>>, 
 
 /// K and N of S; `forces` are roots of the sizes of the terms that forces at work add. With a potential a skew part is what unbalanced
 /// moments leave in the increments of rotations.
-fn split_stiffness(s: &DMatrix<f64>, forces: &[f64], conservative: bool) -> (DMatrix<f64>, Option<DMatrix<f64>>) {
+fn split_stiffness(s: DMatrix<f64>, forces: &[f64], conservative: bool) -> (DMatrix<f64>, Option<DMatrix<f64>>) {
     if conservative {
-        return (symmetric(s.clone()), None);
+        return (symmetric(s), None);
     }
-    let (k, n) = halves(s);
+    let (k, n) = halves(&s);
     let root: Vec<f64> = s.diagonal().iter().map(|v| v.abs().sqrt()).collect();
-    let size = |i: usize, j: usize| 2.0 * (entry_size(s, &root, i, j) + forces[i] * forces[j]);
+    let size = |i: usize, j: usize| 2.0 * (entry_size(&s, &root, i, j) + forces[i] * forces[j]);
     (k, Some(n).filter(|n| !is_rounding(n, size)))
 }
 

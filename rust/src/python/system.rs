@@ -16,7 +16,7 @@ use crate::error::{Error, Result};
 use crate::integrate::{Equations, Motion};
 use crate::linearize::air_states::{air_states, holding};
 use crate::linearize::model_modes::linear_system;
-use crate::linearize::parts::{Parts, motion_scale, parts};
+use crate::linearize::parts::{Parts, parts};
 use crate::linearize::reactions::reactions;
 use crate::linearize::{Linearization, Setting, linearize, mobility};
 use crate::memory;
@@ -154,25 +154,33 @@ pub fn array(m: &nalgebra::DMatrix<f64>) -> Array2<f64> {
         .unwrap_or_else(|_| Array2::from_shape_fn(shape, |(i, j)| m[(i, j)]))
 }
 
+/// The memory itself.
+fn moved(m: nalgebra::DMatrix<f64>) -> PyResult<Array2<f64>> {
+    use numpy::ndarray::ShapeBuilder;
+    let shape = m.shape();
+    Array2::from_shape_vec(shape.f(), m.data.into()).map_err(|e| Error::model(e.to_string()).into())
+}
+
 fn put_parts(out: &Bound<'_, PyDict>, lin: &Linearization, parts: &Parts) -> PyResult<()> {
     out.set_item("second_order", PySecondOrder(Arc::new(linear_system(lin, parts)?)))?;
     out.set_item("error", parts.error)
 }
 
-fn put_linearization(py: Python<'_>, out: &Bound<'_, PyDict>, system: &System, lin: &Linearization) -> PyResult<()> {
+/// The matrices stay; what is copied to nobody else moves.
+fn put_linearization(py: Python<'_>, out: &Bound<'_, PyDict>, system: &System, lin: Linearization) -> PyResult<()> {
     let names: Vec<_> = lin.coordinates(system.n_tree()).iter().map(|i| system.topology.names[*i].clone()).collect();
     out.set_item("coordinates", names)?;
-    out.set_item("T", array(&lin.body_map).into_pyarray(py))?;
     if system.topology.is_flexible() {
         let map = array(&lin.modal_map(&system.topology));
         out.set_item("modal_map", map.into_pyarray(py))?;
     }
-    out.set_item("residual", lin.residual.as_slice().to_vec().into_pyarray(py))?;
-    out.set_item("ground_coupling", array(&lin.ground_coupling).into_pyarray(py))?;
+    out.set_item("T", moved(lin.body_map)?.into_pyarray(py))?;
+    out.set_item("residual", Vec::from(lin.residual.data).into_pyarray(py))?;
+    out.set_item("ground_coupling", moved(lin.ground_coupling)?.into_pyarray(py))?;
     out.set_item("force_scale", lin.force_scale)?;
-    out.set_item("force_sizes", lin.force_sizes.clone().into_pyarray(py))?;
-    out.set_item("reach", motion_scale(&lin.body_map, system.length).into_pyarray(py))?;
-    out.set_item("multipliers", lin.lam.clone().into_pyarray(py))
+    out.set_item("force_sizes", lin.force_sizes.into_pyarray(py))?;
+    out.set_item("reach", lin.reach.into_pyarray(py))?;
+    out.set_item("multipliers", lin.lam.into_pyarray(py))
 }
 
 #[pymethods]
@@ -312,7 +320,6 @@ impl PySystem {
         let out = PyDict::new(py);
         put_state(py, &out, &eq.state)?;
         put_parts(&out, &eq.linearization, &parts)?;
-        put_linearization(py, &out, &self.0, &eq.linearization)?;
         out.set_item("relative_residual", eq.residual)?;
         out.set_item("error", eq.error)?;
         out.set_item("iterations", eq.iterations)?;
@@ -321,6 +328,7 @@ impl PySystem {
         out.set_item("family", eq.family)?;
         out.set_item("unresolved", eq.unresolved)?;
         out.set_item("counts", counts_dict(py, &counts)?)?;
+        put_linearization(py, &out, &self.0, eq.linearization)?;
         Ok(out)
     }
 
@@ -366,7 +374,6 @@ impl PySystem {
             Ok((lin, parts, counts))
         })?;
         let out = PyDict::new(py);
-        put_linearization(py, &out, &self.0, &lin)?;
         match &parts {
             Some(parts) => put_parts(&out, &lin, parts)?,
             None => {
@@ -382,6 +389,7 @@ impl PySystem {
             out.set_item("redundant", named)?;
         }
         out.set_item("counts", counts_dict(py, &counts)?)?;
+        put_linearization(py, &out, &self.0, lin)?;
         Ok(out)
     }
 
