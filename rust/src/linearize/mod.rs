@@ -10,6 +10,7 @@ pub mod air_states;
 mod loaded;
 pub mod model_modes;
 pub mod parts;
+mod reach;
 pub mod reactions;
 pub mod rolling;
 pub mod sparse_bodies;
@@ -27,7 +28,7 @@ use crate::constraint::singular_pose::reduction;
 use crate::error::{Error, Result};
 use crate::linalg::entries::Sizes;
 use crate::linalg::matrix::Matrix;
-use crate::linearize::parts::motion_scale;
+use crate::linearize::reach::reach;
 use crate::linearize::rolling::{Follow, rolling, rolls};
 use crate::model::geometry::Geometry;
 use crate::multibody::System;
@@ -298,7 +299,7 @@ pub fn linearize(setting: &Setting<'_>, counts: &mut Counts) -> Result<Lineariza
         lam: lam.as_slice().to_vec(),
         residual,
         acceleration,
-        reach: motion_scale(&body_map, system.length),
+        reach: reach(&body_map, system.length),
         body_map,
         ground_coupling,
         force_scale,
