@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import jitter
 import mbrs as mb
 import numpy as np
@@ -268,6 +270,7 @@ BAD_BODIES = {
     "names of their own": dict(nodes=("a", "a"), node_position=np.zeros((2, 3)), node_shape=np.zeros((2, 6, 1))),
     "give both of line_position": dict(line_position=np.zeros((2, 3))),
     "KG must have the shape": dict(KG=np.zeros((3, 1, 1))),
+    "node_quadratic must have the shape": dict(node_quadratic=np.zeros((1, 3, 1, 1))),
 }
 
 
@@ -276,6 +279,24 @@ def test_bad_modal_bodies(words):
     assert small_body().n_modes == 1
     with pytest.raises(mb.ModelError, match=words):
         small_body(**BAD_BODIES[words])
+
+
+def test_second_order_is_symmetric_kept_and_cut(tmp_path):
+    body = beam(0.9, mass=1.3, EI_flap=2.1, EI_edge=3.7, GJ=0.8, inertia_flap=0.01, inertia_edge=0.02, modes=5)
+    skew = body.node_quadratic.copy()
+    skew[1, 0, 0, 1] += 1.0
+    with pytest.raises(mb.ModelError, match="node_quadratic must be symmetric"):
+        replace(body, node_quadratic=skew)
+    again = ModalBody.load(body.save(tmp_path / "beam.npz"))
+    assert np.array_equal(again.node_quadratic, body.node_quadratic)
+    assert np.array_equal(again.line_quadratic, body.line_quadratic)
+    q, few = np.random.default_rng(4).normal(size=5), [0, 3, 4]
+    cut = mb.Model("cut").flexible_body("beam", body, modes=few).modal
+    q[[1, 2]] = 0.0
+    assert cut.places(q[few]) == pytest.approx(body.places(q), abs=1e-14)
+    bent = body.node_position[1] + body.node_shape[1, :3] @ q + 0.5 * np.einsum("ikl,k,l", body.node_quadratic[1], q, q)
+    assert body.places(q)[1] == pytest.approx(bent, abs=1e-14)
+    assert body.places(q, [-1])[0] == pytest.approx(bent, abs=1e-14), "the end of the line is the tip"
 
 
 def test_bad_files(tmp_path):
