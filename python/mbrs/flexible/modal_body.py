@@ -305,10 +305,7 @@ def _shapes(m: int) -> dict[str, tuple[int, ...]]:
 
 
 def _shaped(name: str, value: Any, shape: tuple[int, ...]) -> np.ndarray:
-    made = sized_array(f"modal body: {name}", value)
-    if made.shape != shape:
-        raise ModelError(f"modal body: {name} must have the shape {shape}, it has {made.shape}")
-    return made
+    return sized_array(f"modal body: {name}", value, shape)
 
 
 def _node_names(value: Any) -> tuple[str, ...]:

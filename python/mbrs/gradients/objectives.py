@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from .._lib.checks import UNFIT, shown
+from .._lib.checks import UNFIT, rising, shown
 from ..errors import ModelError, NotDifferentiableError
 from ..motion.quantities import Instant, Names, QuantityKey
 from ..motion.tangent import Nodes
@@ -106,12 +106,7 @@ class AtTimes:
 
     def __post_init__(self) -> None:
         _called(self.function, "mb.AtTimes")
-        try:
-            t = np.asarray(self.at, dtype=float)
-        except UNFIT:
-            raise ModelError(f"mb.AtTimes takes increasing times first, got {shown(self.at)}") from None
-        if t.ndim != 1 or not t.size or not np.all(np.isfinite(t)) or np.any(np.diff(t) <= 0):
-            raise ModelError(f"mb.AtTimes takes increasing finite times first, got {shown(self.at)}")
+        rising("mb.AtTimes: the first argument", self.at, 1)
 
     @property
     def times(self) -> tuple[float, ...]:

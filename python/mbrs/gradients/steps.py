@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -10,7 +9,7 @@ import numpy as np
 
 from .. import _core
 from .._lib.border import core_errors
-from .._lib.checks import UNFIT, shown
+from .._lib.checks import positive, real_number
 from ..errors import ModelError
 from ..motion.simulate import simulate
 from ..motion.tangent import (
@@ -28,16 +27,6 @@ if TYPE_CHECKING:
     from ..system.state import State
 
 
-def finite(name: str, value: Any, least: float = 0.0) -> float:
-    try:
-        number = float(value)
-    except UNFIT:
-        raise ModelError(f"{name}= must be a number, got {shown(value)}") from None
-    if not math.isfinite(number) or number < least:
-        raise ModelError(f"{name}= must be a finite number of at least {least:g}, got {shown(value)}")
-    return number
-
-
 def prepare(
     m: Model,
     objectives: Sequence[Objective],
@@ -52,7 +41,7 @@ def prepare(
     snapshot = Snapshot.of(m, without)
     require_exact_tangents(m, without)
     state = state_of(m, snapshot.system, at, hold=False, without=without)
-    end = finite("t", t, state.t)
+    end = real_number("t=", t, state.t)
     slack = least_gap(state.t, end)
     for o in objectives:
         if np.any(np.diff(o.times) <= slack) and end > state.t:
@@ -71,7 +60,7 @@ def prepare(
     if end == state.t:
         times = np.array([end])
     elif step is not None:
-        h = finite("step", step, np.finfo(float).tiny)
+        h = positive("step=", step)
         if (end - state.t) / h > 1e8:
             raise ModelError(f"step={step} would need more than 1e8 steps")
         breaks = _core.motion_breaks(snapshot.system, state.t)
@@ -95,7 +84,7 @@ def prepare(
 
 def _scheme(snapshot: Snapshot, state: State, without: tuple[str, ...], end: float, step: float | None) -> str:
     """The scheme that is accurate at the least cost."""
-    fixed = None if step is None else finite("step", step, np.finfo(float).tiny)
+    fixed = None if step is None else positive("step=", step)
     with core_errors():
         explicit = _core.motion_is_explicit(
             snapshot.system, state.q, state.rate, state.memory.tolist(), list(without), (state.t, end), fixed

@@ -13,7 +13,7 @@ import numpy as np
 
 from .. import _core
 from .._lib.border import core_errors
-from .._lib.checks import UNFIT, count, is_word, shown
+from .._lib.checks import choice, count, real_array
 from .._lib.progress import call_progress
 from .._lib.text import counted
 from ..errors import MbrsWarning, ModelError
@@ -222,8 +222,7 @@ def frf(
     True
     """
     start = time.perf_counter()
-    if not is_word(kind, ORDER_OUT):
-        raise ModelError(f"kind={shown(kind)} is not known; it is one of {', '.join(ORDER_OUT)}")
+    choice("kind", kind, tuple(ORDER_OUT))
     points, limits = _grid(frequency, omega)
     linear = linear_system(m, inputs, outputs, at, without, relaxing=True)
     if kind == "transmissibility" and np.any(linear.order_in[: len(linear.inputs)] != 2):
@@ -423,21 +422,13 @@ def _grid(frequency: Any, omega: Any) -> tuple[np.ndarray | None, tuple[float, f
     if (frequency is None) == (omega is None):
         raise ModelError("give exactly one of frequency= (Hz) and omega= (rad/s)")
     name, given, factor = ("frequency", frequency, 2 * np.pi) if omega is None else ("omega", omega, 1.0)
-    try:
-        values = np.array(given, dtype=float)
-    except UNFIT:
-        raise ModelError(f"{name} must be a 2-tuple (from, to) or numbers, got {given!r}") from None
-    if not np.all(np.isfinite(values)):
-        raise ModelError(f"{name} contains NaN or infinite values")
+    values = real_array(name, given, None, "give points, or a range as the tuple (from, to)")
     if isinstance(given, tuple) and values.shape == (2,):
         low, high = (float(v) * factor for v in values)
         if not 0.0 <= low < high:
             raise ModelError(f"{name}={given} is not a range: it must satisfy 0 <= from < to")
         return None, (low, high)
-    values = np.atleast_1d(values)
-    if values.ndim != 1 or values.size == 0:
-        raise ModelError(f"{name} has shape {values.shape}; it must be a 2-tuple or at least one point")
-    return values * factor, None
+    return real_array(name, np.atleast_1d(values), ("n",), "give at least one point") * factor, None
 
 
 def _sampled(limits: tuple[float, float], poles: np.ndarray | None) -> np.ndarray:

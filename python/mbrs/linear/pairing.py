@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, TypedDict
 
 import numpy as np
 
-from .._lib.checks import real_array, shown
+from .._lib.checks import real_array, real_number, shown
 from .._lib.rotations import quaternion_matrix
 from .._lib.text import counted
 from ..errors import ModelError, NameNotFoundError
@@ -291,9 +291,6 @@ def _frame(frame: Any) -> tuple[np.ndarray, np.ndarray]:
 
 def _tolerance(given: Any, targets: Mapping[str, np.ndarray]) -> float:
     if given is not None:
-        value = real_array("tolerance", given)
-        if value.shape != () or not value >= 0.0:
-            raise ModelError(f"tolerance= takes a length in m, got {shown(given)}")
-        return float(value)
+        return real_number("tolerance=, a length in m,", given, 0.0)
     points = np.array([*targets.values(), np.zeros(3)])
     return _NEAR * float(np.linalg.norm(points[:, None] - points[None], axis=2).max())

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from .._lib.border import core_errors
-from .._lib.checks import UNFIT, count
+from .._lib.checks import count, real_number
 from .._lib.rotations import skew
 from .._lib.text import counted, number
 from ..errors import ConvergenceError, ModelError, SingularError
@@ -341,13 +341,7 @@ def _items(speed: Any) -> Mapping[str, Any]:
 
 
 def _speed(key: str, value: Any) -> float:
-    try:
-        made = float(value)
-    except UNFIT:
-        raise ModelError(f"the speed of {key!r} must be a number in rad/s, got {value!r}") from None
-    if not np.isfinite(made):
-        raise ModelError(f"the speed of {key!r} must be finite, got {value!r}")
-    return made
+    return real_number(f"the speed of {key!r} in rad/s", value)
 
 
 def _coordinate(model: Any, system: Any, names: Sequence[str], key: Any) -> int:

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from .._lib.checks import real_array
 from ..errors import ConvergenceError, ModelError
 from ..flexible import ModalBody
 from ..linear.linear_system import directions
@@ -199,10 +200,8 @@ def _state(model: Model, start: np.ndarray) -> State:
 
 
 def _start(x: Any, n: int, name: str) -> np.ndarray:
-    values = np.zeros(n) if x is None else np.array(x, dtype=float).reshape(-1)
-    if values.shape != (n,) or not np.all(np.isfinite(values)):
-        raise ModelError(f"{name} must be {n} finite numbers, one for each coordinate")
-    return values
+    give = "give one number for each coordinate"
+    return np.zeros(n) if x is None else real_array(name, real_array(name, x, None, give).ravel(), (n,), give)
 
 
 def _symmetric_mass(M: np.ndarray) -> np.ndarray:

@@ -11,7 +11,6 @@ import numpy as np
 from .. import _core
 from .._lib import checks
 from .._lib.border import core_errors
-from .._lib.checks import UNFIT
 from ..errors import ModelError, SingularError
 from ..model.laws import FunctionLaw, Law
 from . import condensation
@@ -374,10 +373,7 @@ def force_vector(n: int, vector: Any, h: int) -> np.ndarray:
     """A complex force (n,) of one harmonic, checked."""
     if isinstance(vector, str | bytes) or vector is None:
         raise ModelError(f"force of harmonic {h} must be a vector (n,), it is {checks.shown(vector)}")
-    f = checks.complex_array(f"force of harmonic {h}", vector)
-    if f.shape != (n,):
-        raise ModelError(f"force of harmonic {h} must have the shape ({n},), it has {f.shape}")
-    return f
+    return checks.complex_array(f"force of harmonic {h}", vector, (n,), "give one number for each coordinate")
 
 
 def core_elements(laws: Sequence[Law], directions: Sequence[np.ndarray]) -> Any:
@@ -404,12 +400,9 @@ def one_frequency(omega: Any, frequency: Any) -> Any:
         raise ModelError("give exactly one of omega (rad/s) and frequency (Hz)")
     value = omega if frequency is None else frequency
     name = "omega" if frequency is None else "frequency"
-    try:
-        array = np.asarray(value, dtype=float)
-    except UNFIT:
-        raise ModelError(f"{name} must be real, it is {checks.shown(value)}") from None
-    if array.size == 0 or not np.all(np.isfinite(array)) or np.any(array <= 0):
-        raise ModelError(f"{name} must be positive and finite, it is {checks.shown(value)}")
+    array = checks.real_array(name, value, None, "give positive numbers")
+    if array.size == 0 or np.any(array <= 0):
+        raise ModelError(f"{name} must be positive, it is {checks.shown(value)}")
     if np.any(array > checks.LARGEST) or np.any(array < 1 / checks.LARGEST):
         raise ModelError(f"{name} = {checks.shown(value)} is beyond what can be squared; choose other units")
     return array if frequency is None else 2 * np.pi * array
