@@ -10,10 +10,12 @@ from typing import Any
 import numpy as np
 
 from ..errors import ModelError
+from .border import require_memory
 
 # what Python and NumPy raise for values that cannot be numbers of the wanted kind
 UNFIT = (TypeError, ValueError, OverflowError)
 LARGEST = 1e150  # its square is still a number
+_LARGE = 1_000_000  # numbers of an array that asks for its memory first
 
 
 def shown(value: Any, most: int = 80) -> str:
@@ -148,16 +150,25 @@ def complex_array(name: str, value: Any, shape: Sequence[int | str] | None = Non
 
 def _numbers(name: str, value: Any, kind: type, give: str) -> np.ndarray:
     """A new array of the kind, from what holds numbers: no text, no times, no rows of different lengths."""
-    what = "numbers"
-    try:
-        array = np.asarray(value.toarray() if hasattr(value, "toarray") else value)
-        if array.dtype.kind == "c" and kind is float:
-            what = "real numbers and is complex"
-        elif array.dtype.kind in "biufcO":
+    array = _read(value)
+    is_complex = array.dtype.kind == "c" and kind is float
+    if array.size > _LARGE:
+        require_memory(2.0 * array.size * np.dtype(kind).itemsize, f"{name} of {array.size} numbers", "give fewer")
+    if array.dtype.kind in "biufcO" and not is_complex:
+        try:
             return array.astype(kind)
-    except UNFIT:
-        pass
+        except UNFIT:
+            pass
+    what = "real numbers and is complex" if is_complex else "numbers"
     raise ModelError(f"{name} must hold {what}, got {shown(value)}{_after(give)}")
+
+
+def _read(value: Any) -> np.ndarray:
+    """What NumPy makes of it; text where it can make nothing."""
+    try:
+        return np.asarray(value.toarray() if hasattr(value, "toarray") else value)
+    except UNFIT:
+        return np.asarray("")
 
 
 def _fitting(name: str, array: np.ndarray, shape: Sequence[int | str] | None, give: str) -> np.ndarray:

@@ -11,6 +11,7 @@ from .. import _core
 from .._lib.border import core_errors
 from .._lib.checks import positive, real_number
 from ..errors import ModelError
+from ..motion.options import require_room
 from ..motion.simulate import simulate
 from ..motion.tangent import (
     Run,
@@ -63,6 +64,12 @@ def prepare(
         h = positive("step=", step)
         if (end - state.t) / h > 1e8:
             raise ModelError(f"step={step} would need more than 1e8 steps")
+        require_room(
+            (end - state.t) / h,
+            state,
+            f"a gradient over {(end - state.t) / h:.0f} steps",
+            "take longer steps, or rtol=",
+        )
         breaks = _core.motion_breaks(snapshot.system, state.t)
         times = grid(state.t, end, h, [*through, *breaks])
     else:

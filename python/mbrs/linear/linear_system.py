@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from .. import _core
+from .._lib.border import require_memory
 from .._lib.checks import real_array, shown
 from ..errors import ModelError
 from ..model.names import index
@@ -153,6 +154,8 @@ def directions(spec: Any, coordinates: tuple[str, ...], what: str) -> tuple[np.n
         picked = picked.tolist()
     if isinstance(picked, list | tuple) and picked and all(_is_coordinate(p) for p in picked):
         indices = [_coordinate(p, coordinates, what) for p in picked]
+        columns = f"{what}: {len(indices)} directions of {n} coordinates"
+        require_memory(3.0 * 8.0 * n * len(indices), columns, "ask for fewer at a time")
         W = np.zeros((n, len(indices)))
         W[indices, range(len(indices))] = 1.0
         return W, tuple(coordinates[i] for i in indices)

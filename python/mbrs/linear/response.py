@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from .._lib.border import core_errors
+from .._lib.border import core_errors, require_memory
 from .._lib.checks import UNFIT, choice, real_array, rising
 from .._lib.progress import call_progress
 from .._lib.text import counted, number, without_rounding
@@ -29,6 +29,8 @@ if TYPE_CHECKING:
     from .aliases import Linear, Loads, Ports
 
 _KINDS = ("displacement", "velocity", "acceleration")
+# bytes of a value: of a load its samples and their curvature, of an output three motions and their errors, once in the core and once here
+_ROOM = 96.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -212,6 +214,9 @@ def response(
     times = rising("t", t, 2)
     ports, functions = _load_pairs(loads)
     linear = _with_inputs(m, ports, outputs, at, without)
+    columns = len(linear.inputs) + len(linear.outputs)
+    what = f"a response of {len(linear.outputs)} outputs to {len(linear.inputs)} loads at {len(times)} times"
+    require_memory(_ROOM * columns * len(times), what, "ask for fewer outputs, or for fewer times")
     history = load_history(times, functions, linear.inputs)
     if linear.shared:
         again = list(linear.shared)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from .._lib.border import require_memory
 from .._lib.checks import choice, count, is_word, positive, real_array, real_number, rising, shown
 from ..errors import ModelError
 from ..model.directions import directions
@@ -25,6 +26,10 @@ TIGHTENED = frozenset({"explicit", "radau", "bdf", "bdf-bfgs"})
 TIGHTEST, LOOSEST = 1e-13, 1e-1
 # more would take days
 MOST_STEPS = 10**9
+# numbers that an output of a motion and a step of a gradient hold while they are made, measured: 380 and 430 bytes with one coordinate,
+# 1080 with twelve and 780 with eight. Larger, motions are refused that would fit; smaller, the process ends for want of memory
+# (tests/test_memory.py)
+_NUMBERS_OF_AN_INSTANT, _NUMBERS_OF_A_COORDINATE = 48, 8
 # below it the norm to which the equations of a step of bdf-bfgs are solved shows in the rates, and steps collapse; with rows of loops
 # or drives it shows earlier (slider-crank: from 1e-9 on errors of 1.3e-9 to 2.8e-9, whatever is asked)
 _TIGHTEST_WITHOUT_TANGENT = 1e-10
@@ -160,6 +165,12 @@ def limits(rho: Any, max_step: Any, first_step: Any, max_steps: Any, span: float
     return options
 
 
+def require_room(instants: float, state: State, what: str, remedy: str) -> None:
+    """Memory of what is kept of every instant of a motion."""
+    size = 8.0 * (_NUMBERS_OF_AN_INSTANT + _NUMBERS_OF_A_COORDINATE * len(state.q)) * instants
+    require_memory(size, what, remedy)
+
+
 def motion_options(t: Any, rtol: Any, step: Any, method: Any, state: State) -> dict[str, Any]:
     """Method, outputs, end, and the fixed step or the tolerance, for the core."""
     choice("method", method, METHODS)
@@ -168,6 +179,7 @@ def motion_options(t: Any, rtol: Any, step: Any, method: Any, state: State) -> d
     options: dict[str, Any] = {"method": method, "t": state.t, "memory": state.memory.tolist()}
     times = real_array("t=", t, None, "give the end in s, or the times of the outputs")
     if times.ndim:
+        require_room(times.size, state, f"a motion with {times.size} outputs", "ask for fewer times")
         options["outputs"] = rising("t=", times, 1).tolist()
     options["end"] = float(times.max())
     if times.min() < state.t:
@@ -178,6 +190,14 @@ def motion_options(t: Any, rtol: Any, step: Any, method: Any, state: State) -> d
         options["step"] = positive("step=", step)
         if (options["end"] - state.t) / options["step"] > MOST_STEPS:
             raise ModelError(f"step={step} would need more than 1e9 steps")
+        if times.ndim == 0:
+            outputs = (options["end"] - state.t) / options["step"]
+            require_room(
+                outputs,
+                state,
+                f"a motion with {outputs:.0f} outputs",
+                "name the times of the outputs, such as t=np.linspace(0, 1, 101)",
+            )
     else:
         options["rtol"] = positive("rtol=", 1e-7 if rtol is None else rtol)
         if not TIGHTEST <= options["rtol"] <= LOOSEST:

@@ -10,7 +10,7 @@ import numpy as np
 
 from .. import _core
 from .._lib import checks
-from .._lib.border import core_errors
+from .._lib.border import core_errors, require_memory
 from ..errors import ModelError, SingularError
 from ..model.laws import FunctionLaw, Law
 from . import condensation
@@ -350,6 +350,9 @@ def _force_terms(n: int, force: Any, terms: tuple[int, ...], subharmonic: int) -
             "a force given as a function of time has one period: mb.harmonic_balance takes it; give {harmonic: (n,)}"
         )
     given = dict(force) if isinstance(force, Mapping) else {1: force}
+    # forces, motion and residual
+    size = 3.0 * 16.0 * (len(terms) + 1) * n
+    require_memory(size, f"{len(terms)} harmonics of {n} coordinates", "take fewer harmonics, or reduce the system")
     out = np.zeros((len(terms) + 1, n), complex)
     for h, vector in given.items():
         if isinstance(h, bool) or not isinstance(h, int | np.integer) or h < 0:
