@@ -164,7 +164,7 @@ def _numbers(name: str, value: Any, kind: type, give: str) -> np.ndarray:
 
 
 def _read(value: Any) -> np.ndarray:
-    """What NumPy makes of it; text where it can make nothing."""
+    """The array that NumPy makes of it; text where it can make none."""
     try:
         return np.asarray(value.toarray() if hasattr(value, "toarray") else value)
     except UNFIT:

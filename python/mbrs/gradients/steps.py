@@ -11,7 +11,7 @@ from .. import _core
 from .._lib.border import core_errors
 from .._lib.checks import positive, real_number
 from ..errors import ModelError
-from ..motion.options import require_room
+from ..motion.options import DEFAULT, require_room
 from ..motion.simulate import simulate
 from ..motion.tangent import (
     Run,
@@ -74,7 +74,7 @@ def prepare(
         times = grid(state.t, end, h, [*through, *breaks])
     else:
         marks = np.array(sorted({*(x for x in through if x > state.t), end}))
-        run: dict[str, Any] = {"rtol": 1e-7 if rtol is None else rtol, "at": state, "without": without}
+        run: dict[str, Any] = {"rtol": DEFAULT if rtol is None else rtol, "at": state, "without": without}
         multistep = kind["scheme"] == "bdf"
         if multistep and len(marks) > 1:
             # every mark has a step that ends near it

@@ -30,6 +30,9 @@ if TYPE_CHECKING:
     from ..system.state import StateLike
     from .aliases import Linear, Ports
 
+# Half width of a peak over its frequency below which it counts as undamped, and the first step from such a pole over its frequency.
+# Larger: points miss the flanks of sharp peaks; smaller: points where a value is only as large as the pole is near.
+_UNDAMPED, _FIRST_STEP = 1e-9, 1e-4
 ORDER_OUT = {"receptance": 0, "mobility": 1, "accelerance": 2, "transmissibility": 0}
 _COARSE_POINTS = 200
 # Relative distance from a pole at which its peak is looked at. Larger: narrow or weak resonances are not told. Smaller: undamped ones cost
@@ -440,9 +443,9 @@ def _sampled(limits: tuple[float, float], poles: np.ndarray | None) -> np.ndarra
     coarse[[0, -1]] = low, high
     parts: list[np.ndarray] = [coarse]
     for pole in _resonances(poles, low, high):
-        width = max(-pole.real, abs(pole.real), 1e-12 * pole.imag)
-        undamped = width < 1e-9 * pole.imag
-        step = 1e-4 * pole.imag if undamped else width
+        width = abs(pole.real)
+        undamped = width < _UNDAMPED * pole.imag
+        step = _FIRST_STEP * pole.imag if undamped else width
         reach = max(0.15 * pole.imag, 4.0 * step)
         growing = step * 1.6 ** np.arange(1 + int(np.ceil(np.log(reach / step) / np.log(1.6))))
         near = step * np.arange(0.0 if not undamped else 0.25, 1.0, 0.25)

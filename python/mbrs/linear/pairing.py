@@ -28,6 +28,9 @@ if TYPE_CHECKING:
 # Measured points this near to a marker or an origin, over the largest distance between those of the model, are that point. Too small:
 # points measured with a tape miss. Too large: neighbours are taken for each other. Pinned by tests/linear/test_pairing.py.
 _NEAR = 2e-3
+# Distance of R R^T from the unit matrix up to which R is a rotation. Larger: frames that stretch pass; smaller: matrices typed with
+# seven digits are refused.
+_ROTATION = 1e-6
 _AXES = {"x": 0, "y": 1, "z": 2}
 
 
@@ -282,7 +285,7 @@ def _frame(frame: Any) -> tuple[np.ndarray, np.ndarray]:
     if (
         origin.shape != (3,)
         or turn.shape != (3, 3)
-        or np.abs(turn @ turn.T - np.eye(3)).max() > 1e-6
+        or np.abs(turn @ turn.T - np.eye(3)).max() > _ROTATION
         or np.linalg.det(turn) < 0
     ):
         raise ModelError("frame= takes a point (3,) and a quaternion (4,) or a rotation matrix (3, 3)")

@@ -23,6 +23,7 @@ from ..model.model import Model
 from ..results import Stats
 from ..system.snapshot import Snapshot
 from ..system.state import State, state_of
+from .options import DEFAULT
 from .trajectory import Trajectory
 
 _BODY, _HELD = "x", "held"
@@ -163,7 +164,7 @@ def _error(
     model: Model, traj: Trajectory, start: np.ndarray, options: dict[str, Any], run: Run, compared: Any
 ) -> np.ndarray:
     """(n, n_t) estimated errors of the displacements: the difference to a second run at the same times."""
-    changed, factor = compared(traj, {"rtol": 1e-7, **options} if "step" not in options else options)
+    changed, factor = compared(traj, {"rtol": DEFAULT, **options} if "step" not in options else options)
     second = {**options, "rtol": None, "step": None, **changed, "method": traj.method}
     try:
         other = run(model, traj.t, at=_state(model, start), **second)

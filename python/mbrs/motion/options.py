@@ -24,6 +24,8 @@ ORDER = {"explicit": 8, "generalized-alpha": 2, "radau": 5, "radau/9": 9, "bdf":
 # their error is estimated by a tighter run, that of the others by a looser one
 TIGHTENED = frozenset({"explicit", "radau", "bdf", "bdf-bfgs"})
 TIGHTEST, LOOSEST = 1e-13, 1e-1
+# the tolerance where none is asked for
+DEFAULT = 1e-7
 # more would take days
 MOST_STEPS = 10**9
 # numbers that an output of a motion and a step of a gradient hold while they are made, measured: 380 and 430 bytes with one coordinate,
@@ -199,7 +201,7 @@ def motion_options(t: Any, rtol: Any, step: Any, method: Any, state: State) -> d
                 "name the times of the outputs, such as t=np.linspace(0, 1, 101)",
             )
     else:
-        options["rtol"] = positive("rtol=", 1e-7 if rtol is None else rtol)
+        options["rtol"] = positive("rtol=", DEFAULT if rtol is None else rtol)
         if not TIGHTEST <= options["rtol"] <= LOOSEST:
             raise ModelError(f"rtol= must lie between {TIGHTEST} and {LOOSEST}, got {shown(rtol)}")
     return options

@@ -25,6 +25,9 @@ ALIASED = 0.5  # part of the error from which on more samples pay
 # aliasing, relative to the solution, that does not count where no tolerance was given: too large, friction and contact curves are
 # rough; too small, every point takes all the samples there are (tests/nonlinear/test_hbm_sampling.py)
 NEGLIGIBLE = 1e-4
+# step of the differences by the parameter of a family, over its range: larger, a curve that bends is followed with more corrections;
+# smaller, rounding of the family turns the tangent (tests/nonlinear/test_hbm_parameter.py)
+FAMILY_STEP = 1e-5
 # smallest over largest singular value of the scaled equations at rest below which they are singular, free of units: too large,
 # soft coordinates are called loose; too small, loose ones are not named (tests/truth/test_hbm_loose.py)
 SINGULAR = 1e-12
@@ -252,7 +255,7 @@ def prepare_family(
         linear = condensation.linear_part(system, laws, forces, setup.n_c, fourier.condense, turn=False)
         return linear.core, core_elements(laws, linear.directions)
 
-    setup.core.with_family(made, value, 1e-5 * span)
+    setup.core.with_family(made, value, FAMILY_STEP * span)
     return replace(setup, family=Family(member, value, span))
 
 

@@ -301,7 +301,7 @@ def _followed(problem: Torus, way: _Way, x0: Any, steps: Continuation, most: int
     a, b = way.ends
     if way.family is not None:
         family = way.family
-        problem.core.with_family(lambda p: problem.member(family(p)), a, 1e-5 * abs(b - a))
+        problem.core.with_family(lambda p: problem.member(family(p)), a, balance.FAMILY_STEP * abs(b - a))
     branch = balance.call_core(
         _core.HbmBranch,
         problem.core,
