@@ -26,7 +26,7 @@ _FACTOR = 10.0
 # Largest relative difference that is confirmed though the differences claim less. Larger: wrong derivatives pass; smaller: rounding of
 # the analysis refuses right ones.
 _NOISE = 1e-7
-# Step of the differences over the value of the parameter, and the value that stands for 0, in the parameter's unit. Larger: what bends is
+# Step of the differences over the value of the parameter, and the value that 0 counts as, in the parameter's unit. Larger: what bends is
 # not told from what is wrong; smaller: rounding hides it. Pinned by tests/gradients/test_check_gradients.py.
 _STEP, _OF_ZERO = 1e-4, 1e-3
 
