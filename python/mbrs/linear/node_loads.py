@@ -14,6 +14,8 @@ from ..system.snapshot import Snapshot
 # Share of the bending stiffness that an axial force at a node would change, from which on it is named. Larger: stiffness that a
 # column has lost passes unseen. Smaller: weights of small parts are named. Pinned by tests/flexible/test_node_loads.py.
 NAMED = 1e-3
+# Stiffness over the largest of a body below which a shape is not held. Larger: soft shapes carry any force; smaller: rounding does.
+_HELD = 1e-12
 
 
 def check_node_loads(snapshot: Snapshot, forces: list[tuple[int, list[float]]]) -> None:
@@ -57,6 +59,6 @@ def _softening(body: FlexibleBody) -> float:
     if not np.any(KG) or not largest > 0.0:
         return 0.0
     values, vectors = np.linalg.eigh(modal.K)
-    held = values > 1e-12 * values[-1]
+    held = values > _HELD * values[-1]
     weight = vectors[:, held] / np.sqrt(values[held])
     return float(np.max(np.abs(np.linalg.eigvalsh(weight.T @ KG @ weight))) / largest * (3.2 if clamped else 1.2))

@@ -25,6 +25,9 @@ ALIASED = 0.5  # part of the error from which on more samples pay
 # aliasing, relative to the solution, that does not count where no tolerance was given: too large, friction and contact curves are
 # rough; too small, every point takes all the samples there are (tests/nonlinear/test_hbm_sampling.py)
 NEGLIGIBLE = 1e-4
+# growth over the frequency up to which a motion counts as stable: larger, slow growth passes; smaller, motions that neither grow nor decay
+# are called unstable by rounding
+NEUTRAL = 1e-9
 # step of the differences by the parameter of a family, over its range: larger, a curve that bends is followed with more corrections;
 # smaller, rounding of the family turns the tangent (tests/nonlinear/test_hbm_parameter.py)
 FAMILY_STEP = 1e-5
