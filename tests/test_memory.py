@@ -99,6 +99,44 @@ def test_the_refusal_is_not_a_habit():
         assert _run(f"n = 60\n{made}\nlimited(1.2e9)\n{call}\nprint('granted')", indent=False) == "granted", what
 
 
+# what is asked for, and what the message has to name; each would end in an array of Python's own
+ARRAYS = {
+    "mb.frf(big, list(range(300)), list(range(300)), omega=np.linspace(0.1, 0.9, 40))": "inputs: 300 directions of 300000 coordinates",
+    "mb.frf(small, [0], [1], omega=np.broadcast_to(0.3, (10**9,)))": "omega of 1000000000 numbers",
+    "mb.response(big, np.linspace(0, 1, 99), {0: np.sin}, list(range(300)))": "outputs: 300 directions",
+    "mb.response(small, np.linspace(0, 1.3, 900_000), {0: np.sin}, [0, 1, 2] * 9)": "a response of 27 outputs to 1 loads",
+    "mb.harmonic_balance(big, force=np.ones(300_000), omega=0.3, harmonics=200)": "200 harmonics of 300000 coordinates",
+    "mb.simulate(small, np.linspace(0, 1.3, 950_000), x0=[1, 0, 0])": "a motion with 950000 outputs",
+    "mb.simulate(leaning, 1.3, step=1e-6)": "a motion with 1300000 outputs",
+    "mb.gradient(leaning, mb.Final(lambda s: s.position('bob')[0]), 'hinge.k', t=1.3, step=1e-6)": "a gradient over 1300000 steps",
+    "mb.eigen_sensitivity(mb.modes(small), dK=np.broadcast_to(1.0, (3, 3, 10**8)))": "dK of 900000000 numbers",
+}
+
+
+def test_arrays_of_python_are_refused_before_they_are_made():
+    code = f"""
+        import scipy.sparse as sp
+        n = 300_000
+        chain = sp.diags([np.full(n - 1, -1.0), np.full(n, 2.1), np.full(n - 1, -1.0)], [-1, 0, 1], format="csc")
+        big = mb.MechanicalSystem(M=sp.eye(n, format="csc"), K=chain)
+        small = mb.MechanicalSystem(M=np.diag([1.3, 0.7, 0.9]), K=np.diag([1.0, 2.0, 3.0]))
+        leaning = mb.Model("pendulum", gravity=(0.3, -1.2, -9.1))
+        bob = leaning.body("bob", mass=1.7, inertia=(0.11, 0.23, 0.19), at=(0.4, -0.3, -0.7))
+        leaning.revolute("hinge", leaning.ground, bob, at=(0.1, 0.2, 0.3), axis=(0.5, -0.7, 0.3), k=31.0)
+        for call in {list(ARRAYS)!r}:
+            try:
+                eval(call)
+            except RouteError as refused:
+                print(refused)
+            else:
+                print("granted")
+    """
+    for line, (call, named) in zip(_run(code, MBRS_MEMORY="3e8").splitlines(), ARRAYS.items(), strict=True):
+        assert re.match(
+            rf"{named}.* would take about [\d.]+ [MG]B of memory, of which 300.0 MB are available; \w", line
+        ), (call, line)
+
+
 @pytest.mark.slow
 def test_what_no_machine_has():
     ports, points = list(range(150)), np.linspace(0.7, 1.9, 10**8)

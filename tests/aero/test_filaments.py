@@ -198,7 +198,7 @@ def test_on_the_line_and_at_its_ends_a_filament_gives_nothing():
         ({"circulation": np.nan}, "NaN"),
         ({"core_radius": -0.1}, "not be negative"),
         ({"core": "scully"}, "core of filaments"),
-        ({"core": "vatistas", "exponent": 0.5}, "1 or more"),
+        ({"core": "vatistas", "exponent": 0.5}, "at least 1"),
         ({"threads": -1}, "threads"),
     ],
 )

@@ -264,7 +264,7 @@ def test_a_polar_that_does_not_cover_names_angle_and_station():
         (lambda b: mb.aero.rotor(b, hub_radius=0.0), "must be positive"),
         (lambda b: mb.aero.rotor(b, tip_radius=30.0), "at least the last station's 33.7 m"),
         (lambda b: mb.aero.rotor(b, precone=90.0), "radians"),
-        (lambda b: mb.aero.rotor(b, pitch=np.nan), "pitch contains NaN"),
+        (lambda b: mb.aero.rotor(b, pitch=np.nan), "pitch must be a finite number, it is nan"),
         (lambda b: mb.aero.performance(b, 7.0), "mb.aero.rotor"),
         (lambda b: mb.aero.performance(mb.aero.rotor(b), -1.0), "must be positive"),
         (lambda b: mb.aero.performance(mb.aero.rotor(b), []), "must be positive"),

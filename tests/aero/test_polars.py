@@ -300,8 +300,8 @@ def test_wind_with_shear():
 @pytest.mark.parametrize(
     "change, message",
     [
-        ({"speed": np.nan}, "speed contains NaN"),
-        ({"speed": -1.0}, "not negative"),
+        ({"speed": np.nan}, "speed must be a finite number, it is nan"),
+        ({"speed": -1.0}, "not be negative"),
         ({"direction": "north"}, "direction"),
         ({"direction": (0, 0, 0)}, "direction"),
         ({"shear": 0.2, "reference_height": None}, "needs reference_height"),

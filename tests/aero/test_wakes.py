@@ -243,7 +243,7 @@ def test_hover_is_that_of_caradonna_and_tung(case, degrees, thrust):
     "change, message",
     [
         ({"tip_speed_ratio": -1.0}, "tip_speed_ratio"),
-        ({"tip_speed_ratio": np.nan}, "NaN"),
+        ({"tip_speed_ratio": np.nan}, "tip_speed_ratio must be a finite number"),
         ({"inflow": "vpm"}, "free-wake"),
         ({"steps": 13}, "even"),
         ({"free_turns": 0.1}, "free_turns"),

@@ -300,7 +300,7 @@ def test_a_steady_angle_has_the_steady_lift_at_the_quarter_chord():
         (lambda: mb.aero.wagner([1.0, -1.0]), "not be negative"),
         (lambda: mb.aero.indicial(1), "states"),
         (lambda: mb.aero.attached_flow(0.0, 1.0, axis=0.0), "must be positive"),
-        (lambda: mb.aero.attached_flow(0.1, np.nan, axis=0.0), "NaN"),
+        (lambda: mb.aero.attached_flow(0.1, np.nan, axis=0.0), "speed must be a finite number"),
         (lambda: mb.aero.attached_flow(0.1, 1.0, axis=0.0).state_matrix(1.0, 2.0), r"\(2, 2\)"),
     ],
 )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 from types import SimpleNamespace
 
+import jitter
 import mbrs as mb
 import numpy as np
 import pytest
@@ -60,3 +61,24 @@ def test_wrong_derivatives_are_still_found(wrong, monkeypatch):
 
     monkeypatch.setattr(module, "sensitivity", changed)
     assert not mb.check_gradients(mb.modes, m, ["s0.k", "t1.at_a[0]"])
+
+
+@pytest.mark.parametrize("size", [1e3, 1.0, 1e-3, 1e-6])
+def test_small_and_large_parts_are_checked_alike(size):
+    """Lengths over ``size``, stiffness and inertia over its square: the same frequency, derivatives over the values the same."""
+    rng = np.random.default_rng(3)
+    m = mb.Model("seesaw", gravity=(0, 0, 0))
+    k, J, d = (m.parameter(n, v * size**p) for n, v, p in (("k", 9.1, 2), ("J", 0.23, 2), ("d", 0.37, 1)))
+    axis = rng.normal(size=3)
+    axis /= np.linalg.norm(axis)
+    across = np.cross(axis, rng.normal(size=3))
+    b = m.body("b", mass=0.9, inertia=(J, J, J), at=[x * d for x in across])
+    m.revolute("hinge", m.ground, b, at=(0, 0, 0), axis=axis, k=k)
+    found = mb.check_gradients(mb.modes, m, ["k", "J", "d"])
+    inertia = J.value + 0.9 * d.value**2 * (across @ across)
+    f = np.sqrt(k.value / inertia) / (2 * np.pi)
+    share = -0.5 / inertia * np.array([J.value, 1.8 * d.value**2 * (across @ across)])
+    exact = f * np.array([0.5, *share]) / [k.value, J.value, d.value]
+    derivative = np.array([mb.sensitivity(mb.modes(m), p).frequency.ravel()[0] for p in ("k", "J", "d")])
+    assert np.abs(derivative / exact - 1.0).max() < 1e-9 + 1e3 * jitter.level()
+    assert np.all(found.ok) and np.all(found.noise < 1e-7)

@@ -92,7 +92,7 @@ def test_trajectories_and_checkpoints():
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"rho": 1.5}, "between 0 and 1"),
+        ({"rho": 1.5}, "rho= must be a finite number from 0 to 1"),
         ({"rho": "x"}, "rho= must be"),
         ({"weight": "mass"}, "belongs to scheme='ali3p'"),
         ({"scheme": "ali3p", "rho": 0.5}, "rho= belongs to"),

@@ -256,7 +256,7 @@ WRONG = [
     ),
     ({"scheme": "explicit", "rho": 0.5}, "rho= belongs to"),
     ({"scheme": "trapezoidal"}, "no sensitivities"),
-    ({"method": "forward"}, "'direct', 'adjoint', 'auto'"),
+    ({"method": "forward"}, '"direct", "adjoint", "auto"'),
     ({"t": np.nan}, "t= must be"),
     ({"t": -1.0}, "t= must be"),
     ({"step": 0.0}, "step= must be"),
@@ -290,7 +290,7 @@ def test_simulations_without_sensitivities_say_so():
         traj.sensitivity("left.postion")
     with pytest.raises(mb.errors.ModelError, match="t= as a number"):
         mb.simulate(m, t=[0.1, 0.2], step=0.01, parameters=LENGTHS)
-    with pytest.raises(mb.errors.ModelError, match="increasing"):
+    with pytest.raises(mb.errors.ModelError, match="times in s that increase"):
         mb.AtTimes([0.2, 0.1], drift)
     with pytest.raises(mb.errors.ModelError, match="outside the motion"):
         mb.gradient(m, mb.AtTimes([0.2], drift), LENGTHS, t=0.1)

@@ -58,7 +58,7 @@ def test_families():
         "evenly spaced": lambda: mb.multiblade([1.0, 2, 3], [0.0, 1.0, 2.0]),
         "NaN": lambda: mb.multiblade([1.0, np.nan, 3], [0.0, 1.0, 2.0]),
         "must be flexible bodies": lambda: mb.rotor_modes(mb.modes(mb.examples.rotor()), ["disc", "housing"], 1.0),
-        "speed must be one number": lambda: mb.rotor_modes(None, ["a", "b"], [1.0, 2.0]),
+        "speed must be a finite number": lambda: mb.rotor_modes(None, ["a", "b"], [1.0, 2.0]),
         "must be a list of names": lambda: mb.rotor_modes(None, 3, 1.0),
     }.items(),
 )

@@ -229,18 +229,26 @@ def test_functions_need_not_take_arrays():
 @pytest.mark.parametrize(
     "call, error, text",
     [
-        (lambda s: response(s, [0.0], {0: np.ones(1)}, 0), ModelError, "at least two"),
-        (lambda s: response(s, [0.0, 0.0], {0: np.ones(2)}, 0), ModelError, "increasing"),
+        (lambda s: response(s, [0.0], {0: np.ones(1)}, 0), ModelError, "at least 2 times"),
+        (lambda s: response(s, [0.0, 0.0], {0: np.ones(2)}, 0), ModelError, "increase"),
         (lambda s: response(s, [0.0, np.nan], {0: np.ones(2)}, 0), ModelError, "finite"),
         (lambda s: response(s, "soon", {0: np.ones(2)}, 0), ModelError, "times"),
-        (lambda s: response(s, [0.0, 1.0], {0: np.ones(3)}, 0), ModelError, r"x0 has shape \(3,\)"),
+        (
+            lambda s: response(s, [0.0, 1.0], {0: np.ones(3)}, 0),
+            ModelError,
+            r"load on x0 must .* \(3,\); give one value for",
+        ),
         (lambda s: response(s, [0.0, 1.0], {0: [1.0, np.nan]}, 0), ModelError, "NaN"),
         (lambda s: response(s, [0.0, 1.0], {0: lambda t: 1 / 0}, 0), ZeroDivisionError, "division"),
         (lambda s: response(s, [0.0, 1.0], {0: lambda t: "x"}, 0), ModelError, "one number"),
         (lambda s: response(s, [0.0, 1.0], {0: lambda t: float("nan")}, 0), ModelError, "not finite"),
         (lambda s: response(s, [0.0, 1.0], {"y": np.ones(2)}, 0), NameNotFoundError, "'y'"),
         (lambda s: response(s, [0.0, 1.0], 3.0, 0), ModelError, "loads must be"),
-        (lambda s: response(s, [0.0, 1.0], {0: np.ones(2)}, 0, x0=[1.0]), ModelError, "x0 has shape"),
+        (
+            lambda s: response(s, [0.0, 1.0], {0: np.ones(2)}, 0, x0=[1.0]),
+            ModelError,
+            r"x0 must have the shape \(2,\)",
+        ),
         (lambda s: response(s, [0.0, 1.0], {0: np.ones(2)}, 0, kind="jerk"), ModelError, "kind"),
     ],
 )

@@ -163,7 +163,7 @@ def test_what_belongs_to_the_other_kind_is_refused_by_name():
     parametric = mb.MechanicalSystem([[1.0]], None, [[1.0]], elements=[mb.VaryingStiffness(0.1, w=[1.0])])
     with pytest.raises(mb.ModelError, match=r"elements\[0\].*FunctionLaw"):
         mb.simulate(parametric, 1.0, x0=[1.0])
-    with pytest.raises(mb.ModelError, match="x0 must be 4 finite numbers"):
+    with pytest.raises(mb.ModelError, match="x0 must have the shape \\(4,\\)"):
         mb.simulate(s, 1.0, x0=[1.0])
     with pytest.raises(mb.ModelError, match="mass matrix M that is symmetric and positive definite"):
         mb.simulate(mb.MechanicalSystem(np.diag([1.0, 0.0]), None, np.eye(2)), 1.0)

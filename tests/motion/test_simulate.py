@@ -268,11 +268,11 @@ def test_an_interrupt_brings_what_there_is():
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
-        (dict(t="soon"), "t= must be"),
+        (dict(t="soon"), "t= must hold numbers.*the end in s"),
         (dict(t=np.nan), "finite"),
         (dict(t=[]), "t= must be"),
         (dict(t=[0.0, 1.0, 0.5]), "increase"),
-        (dict(t=[[0.0, 1.0]]), "one-dimensional"),
+        (dict(t=[[0.0, 1.0]]), "a row of one or more times"),
         (dict(t=0.0), "after the start"),
         (dict(t=-1.0), "before the start"),
         (dict(t=1.0, rtol=0.0), "rtol="),
@@ -281,7 +281,7 @@ def test_an_interrupt_brings_what_there_is():
         (dict(t=1.0, step=-0.1), "step="),
         (dict(t=1.0, step=1e-12), "1e9 steps"),
         (dict(t=1.0, step=0.1, rtol=1e-3), "not both"),
-        (dict(t=1.0, method="magic"), "method="),
+        (dict(t=1.0, method="magic"), "no method 'magic'; known are"),
         (dict(t=1.0, method="generalized-alpha", rho=2.0), "rho="),
         (dict(t=1.0, max_step=np.inf), "max_step="),
         (dict(t=1.0, without=("gyroscopic",)), "linearisation"),
@@ -299,7 +299,7 @@ def test_wrong_names_are_named():
     for ask in (traj.position, traj.joint, traj.reaction, traj.point):
         with pytest.raises(NameNotFoundError, match="hing"):
             ask("hinge_" if ask != traj.position else "hing")
-    with pytest.raises(ModelError, match="is not an output time"):
+    with pytest.raises(ModelError, match="output time"):
         traj.state(0.0123456)
     with pytest.raises(ModelError):
         mb.simulate("pendulum", 1.0)
@@ -368,14 +368,14 @@ def test_a_state_at_no_time(t):
     if t is None:
         assert traj.state(t).t == traj.t[-1]
         return
-    with pytest.raises(ModelError, match="is not an output time"):
+    with pytest.raises(ModelError, match="output time"):
         traj.state(t)
 
 
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
-        (dict(t=1.0, method=np.array(["bdf", "explicit"])), "method="),
+        (dict(t=1.0, method=np.array(["bdf", "explicit"])), "no method array"),
         (dict(t=1.0, max_steps=2.5), "max_steps= must be a whole number"),
         (dict(t=1.0, max_steps=True), "max_steps="),
         (dict(t=0.1, step=0.01, parameters=5), "parameters="),
@@ -392,7 +392,7 @@ def test_names_of_wrong_types_are_named():
         for name in ([1], {}, 3, None):
             with pytest.raises(NameNotFoundError):
                 ask(name)
-    with pytest.raises(ModelError, match="three finite numbers"):
+    with pytest.raises(ModelError, match=r"a point fixed in a body .* three coordinates"):
         traj.point("abc", of="rod")
     with pytest.raises(ModelError, match="of="):
         traj.plot("positions", of=3)

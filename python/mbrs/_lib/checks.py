@@ -10,10 +10,12 @@ from typing import Any
 import numpy as np
 
 from ..errors import ModelError
+from .border import require_memory
 
 # what Python and NumPy raise for values that cannot be numbers of the wanted kind
 UNFIT = (TypeError, ValueError, OverflowError)
 LARGEST = 1e150  # its square is still a number
+_LARGE = 1_000_000  # numbers of an array that asks for its memory first
 
 
 def shown(value: Any, most: int = 80) -> str:
@@ -34,9 +36,29 @@ def count(name: str, value: Any, most: int, least: int = 1) -> int:
 
 def positive(name: str, value: Any) -> float:
     """A positive finite number."""
-    if isinstance(value, bool) or not isinstance(value, int | float | np.number) or not 0 < value < np.inf:
+    made = _one(name, value)
+    if made is None or made <= 0.0:
         raise ModelError(f"{name} must be a positive number, it is {shown(value)}")
-    return float(value)
+    return made
+
+
+def real_number(name: str, value: Any, least: float = -np.inf, most: float = np.inf, give: str = "") -> float:
+    """A finite number within limits that belong to it."""
+    made = _one(name, value)
+    if made is None or not least <= made <= most:
+        limits = (
+            "" if least == -np.inf else f" of at least {least:g}" if most == np.inf else f" from {least:g} to {most:g}"
+        )
+        raise ModelError(f"{name} must be a finite number{limits}, it is {shown(value)}{_after(give)}")
+    return made
+
+
+def _one(name: str, value: Any) -> float | None:
+    """A finite number, or None."""
+    try:
+        return None if isinstance(value, bool | np.bool_) else float(real_array(name, value, ()))
+    except ModelError:
+        return None
 
 
 def flag(name: str, value: Any) -> bool:
@@ -78,25 +100,34 @@ def one_or_names(name: str, value: Any) -> tuple[str, ...]:
     return (value,) if isinstance(value, str) else names(name, value)
 
 
-def real_array(name: str, value: Any) -> np.ndarray:
-    """An array of finite real numbers, of any shape."""
-    array = complex_array(name, value)
-    if np.iscomplexobj(np.asarray(value)):
-        raise ModelError(f"{name} must hold real numbers, it is {shown(value)}")
-    return array.real.copy()
+def real_array(name: str, value: Any, shape: Sequence[int | str] | None = None, give: str = "") -> np.ndarray:
+    """A new array of finite real numbers, of any shape or of one of which words stand for lengths that are not known.
+
+    ``give``: what to give instead, for the end of a message ("give 3 coordinates in m"). Sparse matrices come out dense.
+    """
+    return _fitting(name, _numbers(name, value, float, give), shape, give)
 
 
-def rising_times(name: str, value: Any, least: int = 3) -> np.ndarray:
-    """At least so many times, one after the other."""
-    array = real_array(name, value)
+def rising(name: str, value: Any, least: int = 3, things: str = "times in s") -> np.ndarray:
+    """At least so many times (or other things), one after the other."""
+    row = f"a row of {'one or more' if least == 1 else f'at least {least}'} {things} that increase"
+    array = real_array(name, value, None, f"give {row}")
     if array.ndim != 1 or len(array) < least or np.any(np.diff(array) <= 0.0):
-        raise ModelError(f"{name} must be at least {least} times that increase, it is {shown(value)}")
+        raise ModelError(f"{name} must be {row}, it is {shown(value)}")
     return array
 
 
-def sized_array(name: str, value: Any, largest: float = 1e60) -> np.ndarray:
+def two_ends(name: str, value: Any, of: str = "numbers") -> tuple[float, float]:
+    """The two different ends of a range."""
+    low, high = real_array(name, value, (2,), f"give a range of two different {of}")
+    if low == high:
+        raise ModelError(f"{name} must be a range of two different {of}, it is {shown(value)}")
+    return float(low), float(high)
+
+
+def sized_array(name: str, value: Any, shape: Sequence[int | str] | None = None, largest: float = 1e60) -> np.ndarray:
     """An array of real numbers of sizes whose products can still be computed with."""
-    array = real_array(name, value)
+    array = real_array(name, value, shape)
     if np.max(np.abs(array), initial=0.0) > largest:
         raise ModelError(f"{name} must not exceed {largest:g}; check the units")
     return array
@@ -112,17 +143,57 @@ def each(name: str, value: Any, n: int, things: str) -> np.ndarray:
     return array
 
 
-def complex_array(name: str, value: Any) -> np.ndarray:
-    """An array of finite numbers, real or complex, of any shape."""
+def complex_array(name: str, value: Any, shape: Sequence[int | str] | None = None, give: str = "") -> np.ndarray:
+    """An array of finite numbers, real or complex, as `real_array`."""
+    return _fitting(name, _numbers(name, value, complex, give), shape, give)
+
+
+def _numbers(name: str, value: Any, kind: type, give: str) -> np.ndarray:
+    """A new array of the kind, from what holds numbers: no text, no times, no rows of different lengths."""
+    array = _read(value)
+    is_complex = array.dtype.kind == "c" and kind is float
+    if array.size > _LARGE:
+        require_memory(2.0 * array.size * np.dtype(kind).itemsize, f"{name} of {array.size} numbers", "give fewer")
+    if array.dtype.kind in "biufcO" and not is_complex:
+        try:
+            return array.astype(kind)
+        except UNFIT:
+            pass
+    what = "real numbers and is complex" if is_complex else "numbers"
+    raise ModelError(f"{name} must hold {what}, got {shown(value)}{_after(give)}")
+
+
+def _read(value: Any) -> np.ndarray:
+    """The array that NumPy makes of it; text where it can make none."""
     try:
-        if np.asarray(value).dtype.kind in "USmM":
-            raise TypeError  # NumPy would read numbers from text
-        array = np.asarray(value, dtype=complex)
+        return np.asarray(value.toarray() if hasattr(value, "toarray") else value)
     except UNFIT:
-        raise ModelError(f"{name} must hold numbers, it is {shown(value)}") from None
-    if not np.all(np.isfinite(array)):
-        raise ModelError(f"{name} contains NaN or infinite entries")
+        return np.asarray("")
+
+
+def _fitting(name: str, array: np.ndarray, shape: Sequence[int | str] | None, give: str) -> np.ndarray:
+    """The array, if it has the shape and finite entries."""
+    if shape is not None and (
+        array.ndim != len(shape)
+        or any(n < 1 if isinstance(want, str) else n != want for n, want in zip(array.shape, shape, strict=True))
+    ):
+        wanted = (
+            f"have the shape ({', '.join(map(str, shape))}{',' if len(shape) == 1 else ''})"
+            if shape
+            else "be one number"
+        )
+        raise ModelError(f"{name} must {wanted}, its shape is {array.shape}{_after(give)}")
+    bad = np.argwhere(~np.isfinite(array))
+    if len(bad):
+        place = f" at [{', '.join(map(str, bad[0]))}]" if array.ndim else ""
+        first = array[tuple(bad[0])]
+        first = first if first.imag else first.real
+        raise ModelError(f"{name} contains NaN or infinite entries, {first}{place}{_after(give)}")
     return array
+
+
+def _after(give: str) -> str:
+    return f"; {give}" if give else ""
 
 
 def user_level() -> int:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import functools
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .._lib.checks import complex_array, count, real_array, shown
+from .._lib.checks import complex_array, count, real_array, real_number, shown
 from ..errors import ModelError
 
 if TYPE_CHECKING:
@@ -204,9 +204,11 @@ class AttachedFlow:
 
     def state_matrix(self, mass: ArrayLike, stiffness: ArrayLike, damping: ArrayLike | None = None) -> np.ndarray:
         """(4 + n, 4 + n): the matrix of d/dt (q, q', z) for a section with its own ``mass``, ``stiffness``, ``damping`` (2, 2)."""
-        own = [np.zeros((2, 2)) if m is None else real_array("state_matrix", m) for m in (mass, damping, stiffness)]
-        if any(m.shape != (2, 2) for m in own):
-            raise ModelError("state_matrix: mass, stiffness and damping must be (2, 2)")
+        given = {"mass": mass, "damping": damping, "stiffness": stiffness}
+        own = [
+            np.zeros((2, 2)) if m is None else real_array(f"state_matrix: {name}", m, (2, 2))
+            for name, m in given.items()
+        ]
         n = len(self.decay)
         rows = np.hstack([-(own[2] + self.stiffness), -(own[1] + self.damping), -self.lag])
         return np.vstack(
@@ -264,7 +266,7 @@ def attached_flow(
     ((2, 2), array([ 1.82, 12.  ]))
     """
     b, u, a, rho = (
-        _number(name, value)
+        real_number(f"attached_flow: {name}", value)
         for name, value in (("half_chord", half_chord), ("speed", speed), ("axis", axis), ("density", density))
     )
     if b <= 0.0 or u <= 0.0 or rho < 0.0:
@@ -286,10 +288,3 @@ def attached_flow(
         input=np.tile(by_place, (len(decay), 1)),
         decay=decay,
     )
-
-
-def _number(name: str, value: Any) -> float:
-    array = real_array(f"attached_flow: {name}", value)
-    if array.ndim:
-        raise ModelError(f"attached_flow: {name} must be one number, it is {shown(value)}")
-    return float(array)

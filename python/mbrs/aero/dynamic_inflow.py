@@ -5,11 +5,11 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from .._lib.checks import choice, count, each, real_array, rising_times, shown
+from .._lib.checks import choice, count, each, real_number, rising, shown
 from ..errors import ModelError
 from ..results import Result, Stats, quantity, result
 from .lags import lagged
@@ -131,7 +131,7 @@ def rotor_response(
     start = time.perf_counter()
     if not isinstance(rotor, Rotor):
         raise ModelError(f"rotor_response: rotor must be what mb.aero.rotor gives, it is {shown(rotor)}")
-    when = rising_times("rotor_response: t", t)
+    when = rising("rotor_response: t", t)
     choice("inflow of a rotor in time", inflow, ("dynamic-inflow", "bem"))
     m = count("rotor_response: elements", elements, 10000, 8)
     if m % 2:
@@ -140,11 +140,13 @@ def rotor_response(
     given = [each(f"rotor_response: {name}", v, len(when), "times") for name, v in courses]
     if np.any(given[0] <= 0.0):
         raise ModelError(f"rotor_response: wind must be positive, it is {shown(wind)}")
-    y, tau, rho = (_one(name, v) for name, v in (("yaw", yaw), ("tilt", tilt), ("density", density)))
+    y, tau, rho = (
+        real_number(f"rotor_response: {name}", v) for name, v in (("yaw", yaw), ("tilt", tilt), ("density", density))
+    )
     if max(abs(y), abs(tau)) > np.pi / 3.0:
         raise ModelError(f"rotor_response: yaw and tilt must be within 60 degrees, in radians; they are {yaw}, {tilt}")
     direction = np.array([np.cos(y) * np.cos(tau), np.sin(y) * np.cos(tau), np.sin(tau)])
-    lag, chords = inflow == "dynamic-inflow", _one("stall", stall)
+    lag, chords = inflow == "dynamic-inflow", real_number("rotor_response: stall", stall)
     if chords < 0.0:
         raise ModelError(f"rotor_response: stall must not be negative, it is {shown(stall)}")
     full = _loads(rotor, when, given, direction, m, lag, chords)
@@ -183,13 +185,6 @@ def lagging(t: np.ndarray, quasi_steady: np.ndarray, first: np.ndarray, second: 
     rest = (1.0 - SHARE) * quasi_steady
     inner = lagged(h, rest, 0.5 * (first[1:] + first[:-1]))
     return lagged(h, inner + SHARE * quasi_steady, 0.5 * (second[1:] + second[:-1]))
-
-
-def _one(name: str, value: Any) -> float:
-    array = real_array(f"rotor_response: {name}", value)
-    if array.ndim:
-        raise ModelError(f"rotor_response: {name} must be one number, it is {shown(value)}")
-    return float(array)
 
 
 def _loads(

@@ -8,7 +8,7 @@ import numpy as np
 
 from .. import _core
 from .._lib.border import core_errors
-from .._lib.checks import choice, count, each, real_array, shown
+from .._lib.checks import choice, count, each, real_array, real_number
 from ..errors import ModelError
 
 if TYPE_CHECKING:
@@ -85,9 +85,7 @@ def induced_velocity(
     strength, radius = (each(f"induced_velocity: {name}", v, len(a), "filaments") for name, v in given)
     if np.any(radius < 0.0):
         raise ModelError(f"induced_velocity: core_radius must not be negative, it is {radius.min():g} m")
-    n = real_array("induced_velocity: exponent", exponent)
-    if n.ndim or n < 1.0:
-        raise ModelError(f"induced_velocity: exponent must be one number, 1 or more, it is {shown(exponent)}")
+    n = real_number("induced_velocity: exponent", exponent, 1.0)
     choice("core of filaments", core, CORES)
     count("induced_velocity: threads", threads, 1000, 0)
     flat = np.ascontiguousarray(p.reshape(-1, 3))

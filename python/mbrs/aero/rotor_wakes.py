@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Unpack
 
 import numpy as np
 
-from .._lib.checks import choice, count, shown
+from .._lib.checks import choice, count, real_number, shown
 from .._lib.progress import Progress
 from ..errors import Interrupted, ModelError
 from ..results import Result, Stats, quantity, result
@@ -19,7 +19,7 @@ from .lattice import Frame, March, Wake
 from .lines import Lines, Sections, rigid_lines
 from .momentum import inflow as momentum_inflow
 from .rotors import Rotor
-from .wake_options import WakeOptions, number, wake_options
+from .wake_options import WakeOptions, wake_options
 from .wake_paths import Path, hover_path, prescribed, wind_path
 
 if TYPE_CHECKING:
@@ -195,11 +195,11 @@ class _Case:
     @classmethod
     def checked(cls, rotor: Rotor, ratio: Any, pitch: Any, yaw: Any, tilt: Any, options: WakeOptions) -> _Case:
         still = isinstance(ratio, float) and ratio == np.inf
-        lam = np.inf if still else number("tip_speed_ratio", ratio)
+        lam = np.inf if still else real_number("rotor_wake: tip_speed_ratio", ratio)
         if not lam > 0.0:
             raise ModelError(f"rotor_wake: tip_speed_ratio must be positive, inf for hover; it is {shown(ratio)}")
-        turned = replace(rotor, pitch=rotor.pitch + number("pitch", pitch))
-        y, t = number("yaw", yaw), number("tilt", tilt)
+        turned = replace(rotor, pitch=rotor.pitch + real_number("rotor_wake: pitch", pitch))
+        y, t = real_number("rotor_wake: yaw", yaw), real_number("rotor_wake: tilt", tilt)
         wind = turned.radius / lam * np.array([np.cos(y) * np.cos(t), np.sin(y) * np.cos(t), np.sin(t)])
         _, middles = strips(turned.hub_radius, turned.tip_radius, options.strips)
         sections = Sections.along(turned.blade, middles)

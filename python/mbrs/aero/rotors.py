@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-from .._lib.checks import count, flag, real_array, shown
+from .._lib.checks import count, flag, real_number, shown
 from ..errors import ModelError
 from .blades import Blade
 from .momentum import Annuli
@@ -98,15 +97,15 @@ def rotor(
     if not isinstance(blade, Blade):
         raise ModelError(f"rotor: blade must be what mb.aero.blade gives, it is {shown(blade)}")
     first, last = blade.stations[[0, -1]]
-    hub = float(first if hub_radius is None else _number("hub_radius", hub_radius))
-    tip = float(last if tip_radius is None else _number("tip_radius", tip_radius))
+    hub = float(first if hub_radius is None else real_number("rotor: hub_radius", hub_radius))
+    tip = float(last if tip_radius is None else real_number("rotor: tip_radius", tip_radius))
     if not 0.0 < hub <= first:
         raise ModelError(
             f"rotor: hub_radius must be positive and at most the first station's {first:g} m, it is {hub:g} m"
         )
     if not tip >= last:
         raise ModelError(f"rotor: tip_radius must be at least the last station's {last:g} m, it is {tip:g} m")
-    cone = _number("precone", precone)
+    cone = real_number("rotor: precone", precone)
     if not abs(cone) < 0.5 * np.pi:
         raise ModelError(
             f"rotor: precone must be less than 90 degrees, it is {np.degrees(cone):g}; angles are in radians"
@@ -116,7 +115,7 @@ def rotor(
         _count(count),
         hub,
         tip,
-        _number("pitch", pitch),
+        real_number("rotor: pitch", pitch),
         cone,
         flag("rotor: tip_loss", tip_loss),
         flag("rotor: hub_loss", hub_loss),
@@ -125,10 +124,3 @@ def rotor(
 
 def _count(value: int) -> int:
     return count("rotor: count", value, 100)
-
-
-def _number(name: str, value: Any) -> float:
-    array = real_array(f"rotor: {name}", value)
-    if array.ndim:
-        raise ModelError(f"rotor: {name} must be one number, it is {shown(value)}")
-    return float(array)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from .._lib.checks import each, rising_times, shown
+from .._lib.checks import each, rising, shown
 from ..errors import ModelError
 from ..model.attached_lift import attached_line
 from ..results import Result, Stats, quantity, result
@@ -148,7 +148,7 @@ def dynamic_stall(
     start = time.perf_counter()
     if not isinstance(polar, Polar):
         raise ModelError(f"dynamic_stall: polar must be what mb.aero.polar gives, it is {shown(polar)}")
-    when = rising_times("dynamic_stall: t", t)
+    when = rising("dynamic_stall: t", t)
     a, u = (each(f"dynamic_stall: {name}", v, len(when), "times") for name, v in (("angle", angle), ("speed", speed)))
     c, chords = (each(f"dynamic_stall: {name}", v, 1, "sections")[0] for name, v in (("chord", chord), ("lag", lag)))
     if np.any(u <= 0.0) or c <= 0.0 or chords <= 0.0:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Unpack
 
 import numpy as np
 
-from .._lib.checks import choice, count, real_array, shown
+from .._lib.checks import choice, count, real_array, real_number, shown
 from ..errors import Interrupted, ModelError
 from ..results import Result, Stats, added_counts, quantity, result
 from .coupled import rotor_of
@@ -173,7 +173,7 @@ def performance(
     n = count("performance: elements", elements, 10000, 8)
     if n % 2:
         raise ModelError(f"performance: elements must be even, since half as many estimate the error; it is {n}")
-    turned = replace(rotor, pitch=rotor.pitch + _pitch(pitch))
+    turned = replace(rotor, pitch=rotor.pitch + real_number("performance: pitch", pitch))
     power, thrust, flow = _integrals(turned, ratio, n)
     half_power, half_thrust, half = _integrals(turned, ratio, n // 2)
     places, _ = turned.elements(n)
@@ -199,13 +199,6 @@ def performance(
     )
 
 
-def _pitch(value: Any) -> float:
-    array = real_array("performance: pitch", value)
-    if array.ndim:
-        raise ModelError(f"performance: pitch must be one number, it is {shown(value)}")
-    return float(array)
-
-
 def _with_wake(
     rotor: Rotor, ratio: np.ndarray, pitch: Any, inflow: str, options: WakeKeywords, start: float
 ) -> Performance:
@@ -213,7 +206,9 @@ def _with_wake(
     done: list[RotorWake] = []
     try:
         for one in ratio:
-            done.append(rotor_wake(rotor, float(one), pitch=_pitch(pitch), inflow=inflow, **options))
+            done.append(
+                rotor_wake(rotor, float(one), pitch=real_number("performance: pitch", pitch), inflow=inflow, **options)
+            )
     except Interrupted:
         made = _collected(rotor, ratio, done, inflow, start, "interrupted") if done else None
         text = f"the performance of a rotor was interrupted after {len(done)} of {len(ratio)} tip speed ratios"

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, TypedDict
+from typing import TypedDict
 
 import numpy as np
 
-from .._lib.checks import choice, count, real_array, shown
+from .._lib.checks import choice, count, real_number, shown
 from ..errors import ModelError
 from .filaments import CORES
 from .lattice import Cores
 
-__all__ = ["WakeOptions", "number", "wake_options"]
+__all__ = ["WakeOptions", "wake_options"]
 
 
 @dataclass(frozen=True)
@@ -74,18 +74,20 @@ def wake_options(
     n = count("rotor_wake: steps", steps, 720, 12)
     if n % 2:
         raise ModelError(f"rotor_wake: steps must be even, it is {n}")
-    behind = max(round(number("lattice", lattice) * n / (2.0 * np.pi)), 2)
+    behind = max(round(real_number("rotor_wake: lattice", lattice) * n / (2.0 * np.pi)), 2)
     given = {"free_turns": free_turns, "mean_turns": mean_turns, "tail_turns": tail_turns}
-    free, mean, tail = (round(number(name, v) * n) for name, v in given.items())
+    free, mean, tail = (round(real_number(f"rotor_wake: {name}", v) * n) for name, v in given.items())
     if min(free, mean - n, tail) < n // 2:
         raise ModelError(
             f"rotor_wake: free_turns and tail_turns must be at least 0.5, mean_turns 1.5; they are {given}"
         )
-    radius = 0.05 * rotor_radius if core_radius is None else number("core_radius", core_radius)
+    radius = 0.05 * rotor_radius if core_radius is None else real_number("rotor_wake: core_radius", core_radius)
     if not radius > 0.0:
         raise ModelError(f"rotor_wake: core_radius must be positive, it is {shown(core_radius)}")
     choice("core of filaments", core, CORES)
-    cores = Cores(radius, number("core_growth", core_growth), core, number("exponent", exponent))
+    cores = Cores(
+        radius, real_number("rotor_wake: core_growth", core_growth), core, real_number("rotor_wake: exponent", exponent)
+    )
     return WakeOptions(
         count("rotor_wake: strips", strips, 400, 4),
         n,
@@ -96,11 +98,3 @@ def wake_options(
         cores,
         count("threads", threads, 1000, 0),
     )
-
-
-def number(name: str, value: Any) -> float:
-    """One number."""
-    array = real_array(f"rotor_wake: {name}", value)
-    if array.ndim:
-        raise ModelError(f"rotor_wake: {name} must be one number, it is {shown(value)}")
-    return float(array)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .._lib.checks import real_array, shown
+from .._lib.checks import positive, real_array, real_number, shown
 from ..errors import ModelError
 
 if TYPE_CHECKING:
@@ -94,16 +94,10 @@ def wind(
     >>> mb.aero.wind(8.0, "x", shear=0.2, reference_height=84.0).velocity([0.0, 0.0, 42.0]).round(4)
     array([6.9644, 0.    , 0.    ])
     """
-    u, exponent = (real_array(f"wind: {n}", v) for n, v in (("speed", speed), ("shear", shear)))
-    if u.ndim or u < 0.0:
-        raise ModelError(
-            f"wind: speed must be one number and not negative, it is {shown(speed)}; turn the direction instead"
-        )
-    if exponent.ndim or not 0.0 <= exponent <= 1.0:
-        raise ModelError(f"wind: shear must be a number from 0 to 1, it is {shown(shear)}")
-    height = None if reference_height is None else real_array("wind: reference_height", reference_height)
-    if height is not None and (height.ndim or height <= 0.0):
-        raise ModelError(f"wind: reference_height must be one positive number, it is {shown(reference_height)}")
+    u, exponent = real_number("wind: speed", speed), real_number("wind: shear", shear, 0.0, 1.0)
+    if u < 0.0:
+        raise ModelError(f"wind: speed must not be negative, it is {shown(speed)}; turn the direction instead")
+    height = None if reference_height is None else positive("wind: reference_height", reference_height)
     if exponent and height is None:
         raise ModelError("wind: shear needs reference_height=, the height in m at which the wind has its speed")
     return Wind(

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .._lib.checks import UNFIT
+from .._lib.checks import UNFIT, real_array
 from ..errors import ModelError
 from ..gradients.gradient import gradient
 from ..gradients.objectives import Objective
@@ -136,9 +136,7 @@ class DesignFunctions:
 
     def _place(self, z: np.ndarray) -> bytes:
         """The model at z, and a key of all its numbers: others than the parameters may have been set as well."""
-        z = np.asarray(z, dtype=float)
-        if z.shape != self.x0.shape or not np.all(np.isfinite(z)):
-            raise ModelError(f"the variables must be {len(self.x0)} finite numbers, got {shown(z)}")
+        z = real_array("the vector of variables", z, self.x0.shape)
         self.apply(z)
         return z.tobytes() + tables(self.model)["x"].tobytes() + bytes(str(self.model.structure_version), "ascii")
 

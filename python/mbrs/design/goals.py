@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .._lib.checks import choice, real_array, shown
+from .._lib.checks import choice, positive, real_array, shown
 from ..errors import MbrsWarning, ModelError
 from ..linear.equilibrium import equilibrium
 from ..linear.frf import FrfResult, frf
@@ -122,8 +122,8 @@ class Match(Goal):
             raise ModelError("mb.Match needs frequency=, damping= or both")
         for name in ("frequency", "damping"):
             if getattr(self, name) is not None:
-                _positive(name, getattr(self, name), "mb.Match")
-        _positive("weight", self.weight, "mb.Match")
+                positive(f"{name}= of mb.Match", getattr(self, name))
+        positive("weight= of mb.Match", self.weight)
 
     def both(self, model: Model, labels: Sequence[str]) -> tuple[float, np.ndarray]:
         s, ds = self.root(model, labels)
@@ -202,7 +202,7 @@ class _Transfer(Goal):
     def __post_init__(self) -> None:
         who = f"mb.{type(self).__name__}"
         choice("at", self.at, _STATES)
-        _positive("weight", self.weight, who)
+        positive(f"weight= of {who}", self.weight)
         if not as_list(self.inputs) or not as_list(self.outputs):
             raise ModelError(f"{who} needs inputs and outputs, such as body.force('z') and body.motion('z')")
         points = real_array("frequency", self.frequency)
@@ -303,7 +303,7 @@ class Peak(_Transfer):
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.below is not None:
-            _positive("below", self.below, "mb.Peak")
+            positive("below= of mb.Peak", self.below)
 
     def both(self, model: Model, labels: Sequence[str]) -> tuple[float, np.ndarray]:
         system = linearize(model, at=state_of(model, self.at))
@@ -438,9 +438,3 @@ class Sum(Goal):
     def both(self, model: Model, labels: Sequence[str]) -> tuple[float, np.ndarray]:
         found = [part.both(model, labels) for part in self.parts]
         return sum(value for value, _ in found), np.sum([slope for _, slope in found], axis=0)
-
-
-def _positive(name: str, value: Any, who: str) -> None:
-    good = isinstance(value, int | float | np.number) and not isinstance(value, bool) and 0.0 < value < math.inf
-    if not good:
-        raise ModelError(f"{name}= of {who} must be a positive number, got {shown(value)}")

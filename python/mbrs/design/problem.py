@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
 
+from .._lib.checks import real_number
 from ..errors import ModelError
 from ..gradients.gradient import gradient
 from ..gradients.objectives import Objective
-from ..gradients.steps import finite
 from ..model.directions import directions
 from ..model.names import nearest, shown
 from ..motion.tangent import value_at
@@ -154,7 +154,7 @@ def problem(
     if made.motions:
         if t is None:
             raise ModelError("t= is missing: the end of the motion in s")
-        made.options["t"] = finite("t", t)
+        made.options["t"] = real_number("t=", t, 0.0)
     elif t is not None or options:
         name = "t" if t is not None else next(iter(options))
         raise ModelError(

@@ -22,6 +22,9 @@ __all__ = ["craig_bampton"]
 
 Array = np.ndarray
 _ME = "craig_bampton"
+# Difference of a matrix from its transpose, over its largest entry, and of the three masses of translation, that files of other
+# programs leave. Larger: matrices of something else pass; smaller: those written with eight digits are refused.
+_SYMMETRIC, _ONE_MASS = 1e-8, 1e-6
 # How far K may resist a rigid motion, against its own size; meshes from other programs carry few digits.
 _RIGID = 1e-5
 
@@ -144,7 +147,7 @@ def _matrix(name: str, value: Any, n: int) -> Any:
             f"{_ME}: {name} must be ({6 * n}, {6 * n}), six degrees of freedom of {n} nodes; it is {made.shape}"
         )
     skew = abs(made - made.T)
-    if skew.nnz and skew.max() > 1e-8 * abs(made).max():
+    if skew.nnz and skew.max() > _SYMMETRIC * abs(made).max():
         raise ModelError(f"{_ME}: {name} must be symmetric; it differs from its transpose by {skew.max():.3g}")
     return 0.5 * (made + made.T)
 
@@ -187,7 +190,7 @@ def _check_free(K: Any, R: Array, absent: Array) -> None:
 def _rigid_body(M: Any, R: Array) -> tuple[float, Array, Array]:
     whole = R.T @ (M @ R)
     mass = np.trace(whole[:3, :3]) / 3
-    if not mass > 0 or np.max(np.abs(whole[:3, :3] - mass * np.eye(3))) > 1e-6 * mass:
+    if not mass > 0 or np.max(np.abs(whole[:3, :3] - mass * np.eye(3))) > _ONE_MASS * mass:
         raise InertiaError(
             f"{_ME}: M must give the same positive mass for translation along x, y and z; it gives "
             f"{', '.join(f'{v:g}' for v in np.diag(whole)[:3])} kg"

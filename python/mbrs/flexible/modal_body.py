@@ -24,6 +24,12 @@ if TYPE_CHECKING:
 __all__ = ["ModalBody"]
 
 _TOLERANCE = 1e-9
+# Inertia over the largest, free of units, that no motion of a body has: of a straight beam about itself, where its six motions are
+# inverted and where they move. Larger: slender bodies lose their own axis; smaller: rounding turns.
+_NO_RANK, _NO_INERTIA = 1e-13, 1e-12
+# Eigenvalue of the mass matrix of unit diagonal that is not negative, or positive once the frame follows. Larger: two shapes that are
+# nearly one are refused; smaller: rounding of the integrals refuses bodies, and shapes that move the body as a whole pass.
+_SEMIDEFINITE = 1e-10
 # What ModalBody holds beside the numbers of the equations.
 _TEXTS = ("nodes", "note")
 
@@ -186,8 +192,8 @@ class ModalBody:
         scale[scale == 0] = 1.0  # a straight beam without thickness may have no inertia about its axis
         whole = whole / np.outer(scale, scale)
         rigid, shapes, both = whole[:6, :6], whole[6:, 6:], whole[:6, 6:]
-        left = shapes - both.T @ np.linalg.pinv(rigid, rcond=1e-13, hermitian=True) @ both
-        return bool(np.linalg.eigvalsh(whole)[0] > -1e-10 and np.linalg.eigvalsh(left)[0] > 1e-10)
+        left = shapes - both.T @ np.linalg.pinv(rigid, rcond=_NO_RANK, hermitian=True) @ both
+        return bool(np.linalg.eigvalsh(whole)[0] > -_SEMIDEFINITE and np.linalg.eigvalsh(left)[0] > _SEMIDEFINITE)
 
     @property
     def n_modes(self) -> int:
@@ -226,7 +232,7 @@ class ModalBody:
         if not fixed:
             whole = self.mass_matrix()
             inertia, axes = np.linalg.eigh(whole[:6, :6])
-            moving = axes[:, inertia > 1e-12 * inertia[-1]]
+            moving = axes[:, inertia > _NO_INERTIA * inertia[-1]]
             T = scipy.linalg.block_diag(moving, np.eye(self.n_modes))
             M, K = T.T @ whole @ T, scipy.linalg.block_diag(np.zeros((moving.shape[1],) * 2), K)
         square = scipy.linalg.eigh(K, M, eigvals_only=True)
@@ -332,10 +338,7 @@ def _shapes(m: int) -> dict[str, tuple[int, ...]]:
 
 
 def _shaped(name: str, value: Any, shape: tuple[int, ...]) -> np.ndarray:
-    made = sized_array(f"modal body: {name}", value)
-    if made.shape != shape:
-        raise ModelError(f"modal body: {name} must have the shape {shape}, it has {made.shape}")
-    return made
+    return sized_array(f"modal body: {name}", value, shape)
 
 
 def _node_names(value: Any) -> tuple[str, ...]:
@@ -347,7 +350,7 @@ def _node_names(value: Any) -> tuple[str, ...]:
 
 def _not_negative(name: str, A: np.ndarray, why: str) -> None:
     low = float(np.linalg.eigvalsh(A)[0])
-    if low < -1e-9 * np.max(np.abs(A)):
+    if low < -_TOLERANCE * np.max(np.abs(A)):
         raise ModelError(f"modal body: {name} has the negative eigenvalue {low:g}; {why}")
 
 

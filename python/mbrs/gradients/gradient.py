@@ -13,7 +13,7 @@ import numpy as np
 
 from .. import _core
 from .._lib.border import core_errors
-from .._lib.checks import is_word, shown
+from .._lib.checks import choice, is_word, real_number, shown
 from .._lib.progress import Elapsed
 from .._lib.vetter import Derivative
 from ..errors import ModelError, NameNotFoundError
@@ -33,7 +33,7 @@ from ..results import Stats, added_counts
 from ..system.effects import check_without, effects
 from .motion_gradient import MotionGradient, effects_of
 from .objectives import Evaluation, Integral, NewReading, Objective, Reader, evaluate, number
-from .steps import finite, prepare
+from .steps import prepare
 
 if TYPE_CHECKING:
     from ..model.model import Model
@@ -170,8 +170,7 @@ def gradient(
     True
     """
     begin = time.perf_counter()
-    if not is_word(method, METHODS):
-        raise ModelError(f"method= is one of {', '.join(map(repr, METHODS))}, got {shown(method)}")
+    choice("method", method, METHODS)
     kind = _variant(scheme, step, weight, rho)
     objectives, many = _objectives(objective)
     run = replace(prepare(m, objectives, t, step, rtol, at, check_without(without), **kind), keep=_kept(keep))
@@ -269,9 +268,7 @@ def _variant(scheme: str | None, step: Any, weight: str | None, rho: float | Non
         )
     if rho is not None and scheme != "generalized-alpha":
         raise ModelError(f"rho= belongs to scheme='generalized-alpha', not to {scheme!r}")
-    radius = RHO if rho is None else finite("rho", rho, 0.0)
-    if radius > 1.0:
-        raise ModelError(f"rho= lies between 0 and 1, got {rho}")
+    radius = RHO if rho is None else real_number("rho=", rho, 0.0, 1.0)
     return {"scheme": scheme, "weight": weight or "tangent", "rho": radius}
 
 

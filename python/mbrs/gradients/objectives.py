@@ -9,12 +9,17 @@ from typing import Any
 
 import numpy as np
 
-from .._lib.checks import UNFIT, shown
+from .._lib.checks import UNFIT, rising, shown
 from ..errors import ModelError, NotDifferentiableError
 from ..motion.quantities import Instant, Names, QuantityKey
 from ..motion.tangent import Nodes
 
 _COMPLEX_STEP = 1e-40
+# Steps of the differences they are compared with, over the coordinate, and the least size of a coordinate for it (rad, m). Larger: what
+# bends looks like a kink; smaller: rounding of the objective hides what is not analytic.
+_DIFFERENCE, _LEAST_SIZE = 1e-4, 1e-3
+# Rounding of an objective, over its value. Larger: wrong slopes of objectives with a large constant pass; smaller: right ones are refused.
+_ROUNDED = 1e-9
 # Complex steps that differ from differences by more than this (relative) differentiate something else.
 _PROBE = 1e-4
 # Instants at which they are compared.
@@ -106,12 +111,7 @@ class AtTimes:
 
     def __post_init__(self) -> None:
         _called(self.function, "mb.AtTimes")
-        try:
-            t = np.asarray(self.at, dtype=float)
-        except UNFIT:
-            raise ModelError(f"mb.AtTimes takes increasing times first, got {shown(self.at)}") from None
-        if t.ndim != 1 or not t.size or not np.all(np.isfinite(t)) or np.any(np.diff(t) <= 0):
-            raise ModelError(f"mb.AtTimes takes increasing finite times first, got {shown(self.at)}")
+        rising("mb.AtTimes: the first argument", self.at, 1)
 
     @property
     def times(self) -> tuple[float, ...]:
@@ -277,8 +277,9 @@ def _probe(
     def at(f: float) -> float:
         return number(objective, reader.instant(t, index, row + f * along)).real
 
-    along = np.random.default_rng(0).normal(size=len(row)) * np.maximum(np.abs(row), 1e-3)
-    for f, first in ((0.0, value), (1e-4, at(1e-4))):
+    along = np.random.default_rng(0).normal(size=len(row)) * np.maximum(np.abs(row), _LEAST_SIZE)
+    h = _DIFFERENCE
+    for f, first in ((0.0, value), (h, at(h))):
         again = at(f)
         if again != first:
             raise ModelError(
@@ -288,11 +289,11 @@ def _probe(
     if not len(row):
         return
     exact = float(slopes @ along)
-    ahead, back, ahead2, back2 = (at(h) for h in (1e-4, -1e-4, 5e-5, -5e-5))
-    coarse, fine = (ahead - back) / 2e-4, (ahead2 - back2) / 1e-4
+    ahead, back, ahead2, back2 = (at(f) for f in (h, -h, 0.5 * h, -0.5 * h))
+    coarse, fine = (ahead - back) / (2 * h), (ahead2 - back2) / h
     best = (4 * fine - coarse) / 3
-    noise = abs(best - fine) + 1e-9 * abs(value) / 1e-4
-    right, left = (4 * ahead2 - ahead - 3 * value) / 1e-4, (3 * value - 4 * back2 + back) / 1e-4
+    noise = abs(best - fine) + _ROUNDED * abs(value) / h
+    right, left = (4 * ahead2 - ahead - 3 * value) / h, (3 * value - 4 * back2 + back) / h
     if abs(right - left) > _PROBE * max(abs(right), abs(left)) + 100 * noise:
         # a kink so close to this instant that differences tell nothing; others are probed
         return

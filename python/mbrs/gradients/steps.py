@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -10,8 +9,9 @@ import numpy as np
 
 from .. import _core
 from .._lib.border import core_errors
-from .._lib.checks import UNFIT, shown
+from .._lib.checks import positive, real_number
 from ..errors import ModelError
+from ..motion.options import DEFAULT, require_room
 from ..motion.simulate import simulate
 from ..motion.tangent import (
     Run,
@@ -28,16 +28,6 @@ if TYPE_CHECKING:
     from ..system.state import State
 
 
-def finite(name: str, value: Any, least: float = 0.0) -> float:
-    try:
-        number = float(value)
-    except UNFIT:
-        raise ModelError(f"{name}= must be a number, got {shown(value)}") from None
-    if not math.isfinite(number) or number < least:
-        raise ModelError(f"{name}= must be a finite number of at least {least:g}, got {shown(value)}")
-    return number
-
-
 def prepare(
     m: Model,
     objectives: Sequence[Objective],
@@ -52,7 +42,7 @@ def prepare(
     snapshot = Snapshot.of(m, without)
     require_exact_tangents(m, without)
     state = state_of(m, snapshot.system, at, hold=False, without=without)
-    end = finite("t", t, state.t)
+    end = real_number("t=", t, state.t)
     slack = least_gap(state.t, end)
     for o in objectives:
         if np.any(np.diff(o.times) <= slack) and end > state.t:
@@ -71,14 +61,20 @@ def prepare(
     if end == state.t:
         times = np.array([end])
     elif step is not None:
-        h = finite("step", step, np.finfo(float).tiny)
+        h = positive("step=", step)
         if (end - state.t) / h > 1e8:
             raise ModelError(f"step={step} would need more than 1e8 steps")
+        require_room(
+            (end - state.t) / h,
+            state,
+            f"a gradient over {(end - state.t) / h:.0f} steps",
+            "take longer steps, or rtol=",
+        )
         breaks = _core.motion_breaks(snapshot.system, state.t)
         times = grid(state.t, end, h, [*through, *breaks])
     else:
         marks = np.array(sorted({*(x for x in through if x > state.t), end}))
-        run: dict[str, Any] = {"rtol": 1e-7 if rtol is None else rtol, "at": state, "without": without}
+        run: dict[str, Any] = {"rtol": DEFAULT if rtol is None else rtol, "at": state, "without": without}
         multistep = kind["scheme"] == "bdf"
         if multistep and len(marks) > 1:
             # every mark has a step that ends near it
@@ -95,7 +91,7 @@ def prepare(
 
 def _scheme(snapshot: Snapshot, state: State, without: tuple[str, ...], end: float, step: float | None) -> str:
     """The scheme that is accurate at the least cost."""
-    fixed = None if step is None else finite("step", step, np.finfo(float).tiny)
+    fixed = None if step is None else positive("step=", step)
     with core_errors():
         explicit = _core.motion_is_explicit(
             snapshot.system, state.q, state.rate, state.memory.tolist(), list(without), (state.t, end), fixed

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
+from .._lib.checks import each, rising
 from .._lib.progress import Progress
 from ..errors import ModelError
 from ..results import Result, Stats, derived, quantity, result
@@ -267,13 +268,7 @@ class _Run:
         main = _speeds(given.pop(name))
         others = {}
         for key, value in given.items():
-            values = np.asarray(value, dtype=float)
-            values = np.full(main.shape, float(values)) if values.ndim == 0 else values
-            if values.shape != main.shape or not np.all(np.isfinite(values)):
-                raise ModelError(
-                    f"campbell: speed= of {key!r} must be {main.size} finite numbers (or one), as of {name!r}"
-                )
-            others[key] = values
+            others[key] = each(f"campbell: speed= of {key!r}", value, main.size, f"speeds of {name!r}")
         return cls(m, name, main, others, without)
 
     def motion(self, speed: float) -> SteadyMotion:
@@ -295,10 +290,7 @@ class _Run:
 
 
 def _speeds(speed: Any) -> np.ndarray:
-    speeds = np.asarray(speed, dtype=float)
-    if speeds.ndim != 1 or speeds.size == 0 or not np.all(np.isfinite(speeds)) or np.any(np.diff(speeds) <= 0.0):
-        raise ModelError("speed= must be ascending finite speeds in rad/s, such as np.linspace(0, 300, 60)")
-    return speeds
+    return rising("campbell: speed=", speed, 1, "speeds in rad/s, such as np.linspace(0, 300, 60),")
 
 
 @dataclass(frozen=True)

@@ -23,6 +23,16 @@ LOCATED, POLYNOMIAL = 1e-11, 1e-9
 # Steps below this that do not become smaller are rounding. Larger: a slowly converging root is called found; smaller: stiff models lose
 # critical speeds. Pinned by tests/truth/test_campbell.py (bearings of 1e14 N/m).
 STALLED = 1e-6
+# Entries of a row that are small beside its stiffness and the turning count as this part of them. Larger: a row that leaves the
+# polynomials passes; smaller: rounding of rows that vanish refuses matrices that are polynomials.
+_SMALL_ROW = 1e-3
+# Parts of the largest, free of units, below which a term of a polynomial, the leading coefficient of a root, the area across the
+# axis (a square) and the speed of a body are rounding. Larger: soft terms, distant roots, weak whirl, slow bodies are lost; smaller:
+# rounding makes roots at infinity, and whirl of what only twists.
+_ABSENT_TERM, _AT_INFINITY, _ACROSS, _TURNS = 1e-12, 1e-12, 1e-16, 1e-9
+# Sine of the angle between the two slopes of a root below which no step separates speed and frequency. Larger: flat crossings are
+# given up; smaller: steps are rounding.
+_PARALLEL = 1e-14
 _ITERATIONS = 30
 
 
@@ -135,7 +145,7 @@ class SpeedPencil:
             scaled, change = np.abs(other) * d * d[:, None], np.abs(mine - other) * d * d[:, None]
             size = np.max(scaled, axis=1, initial=0.0)
             floor = np.max(np.abs(found.S) * d * d[:, None], axis=1, initial=0.0) + speed**2
-            if np.any(np.max(change, axis=1, initial=0.0) > POLYNOMIAL * np.maximum(size, 1e-3 * floor)):
+            if np.any(np.max(change, axis=1, initial=0.0) > POLYNOMIAL * np.maximum(size, _SMALL_ROW * floor)):
                 return False
         return True
 
@@ -167,13 +177,13 @@ class SpeedPencil:
             A[(degree - 1) * n :, k * n : (k + 1) * n] = -terms[k]
         B[(degree - 1) * n :, (degree - 1) * n :] = terms[degree]
         alpha, beta = eig(A, B, right=False, homogeneous_eigvals=True)
-        finite = np.abs(beta) > 1e-12 * np.abs(alpha)
+        finite = np.abs(beta) > _AT_INFINITY * np.abs(alpha)
         return np.asarray(self.middle + self.half * alpha[finite] / beta[finite])
 
 
 def _absent(term: np.ndarray, terms: list[np.ndarray]) -> bool:
     size = sum(np.abs(t) for t in terms)
-    return bool(np.all(np.max(np.abs(term), axis=1) <= 1e-12 * np.max(size, axis=1)))
+    return bool(np.all(np.max(np.abs(term), axis=1) <= _ABSENT_TERM * np.max(size, axis=1)))
 
 
 def natural(m: Matrices) -> np.ndarray:
@@ -213,7 +223,7 @@ def crossing(
             change = np.array([0.0, -(values[-1] / by_speed).real if by_speed else np.inf])
         else:
             step = np.array([[by_s.real, by_speed.real], [by_s.imag, by_speed.imag]])
-            if abs(np.linalg.det(step)) <= 1e-14 * np.abs(by_s) * np.abs(by_speed):
+            if abs(np.linalg.det(step)) <= _PARALLEL * np.abs(by_s) * np.abs(by_speed):
                 return None
             change = np.linalg.solve(step, [-values[-1], 0.0])
         sigma, speed = sigma + float(change[0]), speed + float(change[1])
@@ -255,7 +265,7 @@ def whirl_of(rows: np.ndarray, shape: np.ndarray, axis: np.ndarray, least: float
     across = moved - np.outer(moved @ a, a)
     size = float(np.sum(np.abs(across) ** 2))
     # torsion and axial motion leave only rounding across the axis
-    if size <= 1e-16 * float(np.sum(np.abs(moved) ** 2)):
+    if size <= _ACROSS * float(np.sum(np.abs(moved) ** 2)):
         return 0
     area = float(np.sum(np.cross(across.real, -across.imag) @ a))
     return 0 if abs(area) <= least * size / 2 else int(np.sign(area))
@@ -291,7 +301,7 @@ def orbit_rows(lin: Any) -> np.ndarray:
 def turning_rows(lin: Any) -> np.ndarray:
     """(n, 3, dof): the same of those bodies alone that turn about the axis, which unbalance acts on."""
     omega = np.linalg.norm(lin.poses["angular_velocity"], axis=1)
-    fast = omega > 1e-9 * np.max(omega, initial=0.0)
+    fast = omega > _TURNS * np.max(omega, initial=0.0)
     rows, at = orbit_rows(lin), 0
     kept: list[int] = []
     for i, body in enumerate(lin.model.bodies):

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from .._lib.border import core_errors
-from .._lib.checks import UNFIT
+from .._lib.checks import real_array
 from .._lib.text import counted, without_rounding
 from ..errors import ModelError
 from ..results import Result, Stats, derived, quantity, result
@@ -423,10 +423,8 @@ def _splits(matrix: np.ndarray, s: complex) -> np.ndarray:
 
 
 def _direction(dp: Any, n_p: int) -> np.ndarray:
-    d = np.asarray(dp, dtype=float).ravel()
-    if d.shape != (n_p,) or not np.all(np.isfinite(d)):
-        raise ModelError(f"dp must hold one finite change for each of the {n_p} parameters, got {d.size} values")
-    return d
+    give = f"give one change for each of the {n_p} parameters (entries)"
+    return real_array("dp", real_array("dp", dp, None, give).ravel(), (n_p,), give)
 
 
 def _labels(parameters: Sequence[str], shapes: Sequence[tuple[int, ...]]) -> list[str]:
@@ -471,16 +469,10 @@ def _entries(name: str, a: Any, dof: int) -> tuple[Any, int | None]:
             raise ModelError(f"every matrix of {name} must be {dof} x {dof}")
         rows, columns, direction, values = (np.concatenate(x) for x in zip(*found, strict=True))
         return _typed(rows, columns, direction, values), len(a)
-    try:
-        dense = np.asarray(a, dtype=float)
-    except UNFIT as problem:
-        raise ModelError(f"{name} must be real matrices: {problem}") from None
-    if isinstance(a, list | tuple) and dense.ndim == 3:
-        dense = np.moveaxis(dense, 0, -1)
-    if dense.ndim != 3 or dense.shape[:2] != (dof, dof):
-        raise ModelError(f"{name} must be an array ({dof}, {dof}, n_p) or a list of n_p matrices, got {dense.shape}")
-    if not np.all(np.isfinite(dense)):
-        raise ModelError(f"{name} contains NaN or infinite entries")
+    give = f"give an array ({dof}, {dof}, n_p) or a list of n_p matrices"
+    listed = isinstance(a, list | tuple)
+    dense = real_array(name, a, ("n_p", dof, dof) if listed and len(a) else (dof, dof, "n_p"), give)
+    dense = np.moveaxis(dense, 0, -1) if listed else dense
     rows, columns, direction = np.nonzero(dense)
     return _typed(rows, columns, direction, dense[rows, columns, direction]), dense.shape[2]
 

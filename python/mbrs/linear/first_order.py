@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from .._lib.checks import shown
+from .._lib.checks import choice, real_array, shown
 from .._lib.text import Block, without_rounding
 from ..errors import ModelError, SingularError
 from ..results import Result, quantity, result
@@ -148,9 +148,7 @@ class StateSpace(Result):
 
 def _checked_space(A: Any, B: Any, C: Any, D: Any, states: Any, inputs: Any, outputs: Any) -> StateSpace:
     """Real, finite matrices."""
-    if any(np.iscomplexobj(a) or not np.all(np.isfinite(a)) for a in (A, B, C, D)):
-        raise ModelError("a state space has real and finite matrices")
-    A, B, C, D = (np.array(a, dtype=float) for a in (A, B, C, D))
+    A, B, C, D = (real_array(f"{name} of a state space", a) for name, a in zip("ABCD", (A, B, C, D), strict=True))
     return StateSpace(A, B, C, D, states, inputs, outputs, error=None, status="given")
 
 
@@ -161,8 +159,7 @@ def _plain(name: str) -> str:
 
 def first_order(linear: LinearSystem, kind: str = "displacement") -> StateSpace:
     """A = [[0, 1], [-M^-1 S, -M^-1 D]], B = [0; M^-1 F], C = [L, 0] (velocity C A, acceleration C A^2 and C A B)."""
-    if kind not in _ORDER:
-        raise ModelError(f"kind={kind!r} is not known; it is one of {', '.join(_ORDER)}")
+    choice("kind", kind, tuple(_ORDER))
     n, n_in = linear.n, linear.F.shape[1]
     A, B = _state_matrices(linear)
     C = np.hstack([linear.L, np.zeros((linear.L.shape[0], n))])

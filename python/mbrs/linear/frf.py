@@ -13,7 +13,7 @@ import numpy as np
 
 from .. import _core
 from .._lib.border import core_errors
-from .._lib.checks import UNFIT, count, is_word, shown
+from .._lib.checks import choice, count, real_array
 from .._lib.progress import call_progress
 from .._lib.text import counted
 from ..errors import MbrsWarning, ModelError
@@ -30,6 +30,9 @@ if TYPE_CHECKING:
     from ..system.state import StateLike
     from .aliases import Linear, Ports
 
+# Half width of a peak over its frequency below which it counts as undamped, and the first step from such a pole over its frequency.
+# Larger: points miss the flanks of sharp peaks; smaller: points where a value is only as large as the pole is near.
+_UNDAMPED, _FIRST_STEP = 1e-9, 1e-4
 ORDER_OUT = {"receptance": 0, "mobility": 1, "accelerance": 2, "transmissibility": 0}
 _COARSE_POINTS = 200
 # Relative distance from a pole at which its peak is looked at. Larger: narrow or weak resonances are not told. Smaller: undamped ones cost
@@ -222,8 +225,7 @@ def frf(
     True
     """
     start = time.perf_counter()
-    if not is_word(kind, ORDER_OUT):
-        raise ModelError(f"kind={shown(kind)} is not known; it is one of {', '.join(ORDER_OUT)}")
+    choice("kind", kind, tuple(ORDER_OUT))
     points, limits = _grid(frequency, omega)
     linear = linear_system(m, inputs, outputs, at, without, relaxing=True)
     if kind == "transmissibility" and np.any(linear.order_in[: len(linear.inputs)] != 2):
@@ -423,21 +425,13 @@ def _grid(frequency: Any, omega: Any) -> tuple[np.ndarray | None, tuple[float, f
     if (frequency is None) == (omega is None):
         raise ModelError("give exactly one of frequency= (Hz) and omega= (rad/s)")
     name, given, factor = ("frequency", frequency, 2 * np.pi) if omega is None else ("omega", omega, 1.0)
-    try:
-        values = np.array(given, dtype=float)
-    except UNFIT:
-        raise ModelError(f"{name} must be a 2-tuple (from, to) or numbers, got {given!r}") from None
-    if not np.all(np.isfinite(values)):
-        raise ModelError(f"{name} contains NaN or infinite values")
+    values = real_array(name, given, None, "give points, or a range as the tuple (from, to)")
     if isinstance(given, tuple) and values.shape == (2,):
         low, high = (float(v) * factor for v in values)
         if not 0.0 <= low < high:
             raise ModelError(f"{name}={given} is not a range: it must satisfy 0 <= from < to")
         return None, (low, high)
-    values = np.atleast_1d(values)
-    if values.ndim != 1 or values.size == 0:
-        raise ModelError(f"{name} has shape {values.shape}; it must be a 2-tuple or at least one point")
-    return values * factor, None
+    return real_array(name, np.atleast_1d(values), ("n",), "give at least one point") * factor, None
 
 
 def _sampled(limits: tuple[float, float], poles: np.ndarray | None) -> np.ndarray:
@@ -449,9 +443,9 @@ def _sampled(limits: tuple[float, float], poles: np.ndarray | None) -> np.ndarra
     coarse[[0, -1]] = low, high
     parts: list[np.ndarray] = [coarse]
     for pole in _resonances(poles, low, high):
-        width = max(-pole.real, abs(pole.real), 1e-12 * pole.imag)
-        undamped = width < 1e-9 * pole.imag
-        step = 1e-4 * pole.imag if undamped else width
+        width = abs(pole.real)
+        undamped = width < _UNDAMPED * pole.imag
+        step = _FIRST_STEP * pole.imag if undamped else width
         reach = max(0.15 * pole.imag, 4.0 * step)
         growing = step * 1.6 ** np.arange(1 + int(np.ceil(np.log(reach / step) / np.log(1.6))))
         near = step * np.arange(0.0 if not undamped else 0.25, 1.0, 0.25)

@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 
 from .. import _core
-from .._lib.checks import UNFIT
+from .._lib.border import require_memory
+from .._lib.checks import real_array, shown
 from ..errors import ModelError
 from ..model.names import index
 from .relaxation import States
@@ -153,21 +154,14 @@ def directions(spec: Any, coordinates: tuple[str, ...], what: str) -> tuple[np.n
         picked = picked.tolist()
     if isinstance(picked, list | tuple) and picked and all(_is_coordinate(p) for p in picked):
         indices = [_coordinate(p, coordinates, what) for p in picked]
+        columns = f"{what}: {len(indices)} directions of {n} coordinates"
+        require_memory(3.0 * 8.0 * n * len(indices), columns, "ask for fewer at a time")
         W = np.zeros((n, len(indices)))
         W[indices, range(len(indices))] = 1.0
         return W, tuple(coordinates[i] for i in indices)
-    try:
-        W = np.array(picked, dtype=float)
-    except UNFIT:
-        raise ModelError(
-            f"{what} must be coordinate names, indices, a direction ({n},) or directions ({n}, k); got {spec!r}"
-        ) from None
-    if W.ndim == 1:
-        W = W[:, None]
-    if W.ndim != 2 or W.shape[0] != n or W.shape[1] == 0:
-        raise ModelError(f"{what} has shape {np.shape(spec)}; directions must be ({n},) or ({n}, k)")
-    if not np.all(np.isfinite(W)):
-        raise ModelError(f"{what} contains NaN or infinite entries")
+    give = f"give names of coordinates, indices, a direction ({n},) or directions ({n}, k)"
+    W = real_array(what, picked, None, give)
+    W = real_array(what, W[:, None] if W.ndim == 1 else W, (n, "k"), give)
     return W, tuple(f"{what[:-1]}{j}" for j in range(W.shape[1]))
 
 
@@ -179,7 +173,7 @@ def _coordinate(p: Any, coordinates: tuple[str, ...], what: str) -> int:
     if isinstance(p, str):
         return index(f"{what}: no coordinate", p, coordinates)
     if not -len(coordinates) <= p < len(coordinates):
-        raise ModelError(f"{what}: coordinate {p} does not exist, there are {len(coordinates)}")
+        raise ModelError(f"{what}: coordinate {shown(p)} does not exist, there are {len(coordinates)}")
     return int(p) % len(coordinates)
 
 

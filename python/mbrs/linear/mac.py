@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .._lib.checks import UNFIT
+from .._lib.checks import complex_array, real_array
 from ..errors import ModelError
 
 if TYPE_CHECKING:
@@ -64,20 +64,10 @@ def mac(a: Shapes, b: Shapes, *, weight: Matrix | None = None) -> np.ndarray:
 
 
 def _shapes(a: Any) -> np.ndarray:
-    try:
-        x = np.asarray(getattr(a, "shape") if hasattr(a, "eigenvalue") else a)  # noqa: B009 - an array has a shape as well
-        x = x.astype(complex) if np.iscomplexobj(x) else x.astype(float)
-    except UNFIT as problem:
-        raise ModelError(f"mac needs modal results or matrices of shapes: {problem}") from None
-    if x.ndim == 1:
-        x = x[:, None]
-    if x.ndim != 2 or x.size == 0 or not np.all(np.isfinite(x)):
-        raise ModelError(f"mac needs finite shapes as columns, (dof, n); got an array of shape {x.shape}")
-    return x
+    give = "give modal results, or shapes as columns (dof, n)"
+    x = complex_array("mac: shapes", getattr(a, "shape") if hasattr(a, "eigenvalue") else a, None, give)  # noqa: B009 - an array has a shape as well
+    return complex_array("mac: shapes", x[:, None] if x.ndim == 1 else x, ("dof", "n"), give)
 
 
 def _weight(weight: Any, n: int) -> np.ndarray:
-    w = np.asarray(weight.toarray() if hasattr(weight, "toarray") else weight, dtype=float)
-    if w.shape != (n, n):
-        raise ModelError(f"mac: the weight must be {n} x {n}, its shape is {w.shape}")
-    return w
+    return real_array("mac: weight", weight, (n, n), "give a matrix such as M, or leave it out")

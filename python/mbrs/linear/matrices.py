@@ -11,7 +11,7 @@ import numpy as np
 
 from .. import _core
 from .._lib.border import core_errors, require_memory
-from .._lib.checks import UNFIT, is_list, names, shown
+from .._lib.checks import is_list, names, real_array, shown
 from .._lib.formats import Omission, warn_of_omissions
 from .._lib.matrix_files import choose, read_matrices, write_matrices
 from ..errors import ModelError
@@ -182,24 +182,18 @@ class MechanicalSystem:
 
 def _checked(name: str, a: Any, n: int | None) -> Any:
     if _is_sparse(a):
-        a = a.tocsc().astype(float)
+        a = a.tocsc()
+        a.data = real_array(name, a.data)
         a.sum_duplicates()
-        values = a.data
     else:
         if isinstance(a, np.ndarray):
             # three of its size: the copy, its checks, and what the first analysis makes of it
             what = f"a dense {name} of {a.shape[0] if a.ndim else 1} coordinates"
             require_memory(3.0 * 8.0 * a.size, what, "give it as a scipy.sparse matrix, or reduce the system")
-        try:
-            a = np.array(a, dtype=float)
-        except UNFIT as problem:
-            raise ModelError(f"{name} must be a real matrix: {problem}") from None
-        values = a
+        a = real_array(name, a, None, "give a square matrix")
     if a.ndim != 2 or a.shape[0] != a.shape[1] or a.shape[0] == 0:
         raise ModelError(f"{name} must be a square matrix, its shape is {a.shape}")
     if n is not None and a.shape[0] != n:
         raise ModelError(f"{name} is {a.shape[0]} x {a.shape[1]} but M is {n} x {n}")
-    if not np.all(np.isfinite(values)):
-        raise ModelError(f"{name} contains NaN or infinite entries")
-    values.flags.writeable = False
+    (a.data if _is_sparse(a) else a).flags.writeable = False
     return a

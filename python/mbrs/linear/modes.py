@@ -13,7 +13,7 @@ import numpy as np
 
 from .. import _core
 from .._lib.border import core_errors
-from .._lib.checks import UNFIT, one_or_names
+from .._lib.checks import one_or_names, real_array
 from .._lib.progress import call_progress
 from ..errors import ConvergenceError, ModelError, SingularError
 from ..model.book import Book
@@ -21,7 +21,7 @@ from ..model.schema import LAW_OF_CODE
 from .linearization import Linearization
 from .linearize import second_order_of
 from .matrices import EFFECT_OF, MechanicalSystem, check_matrix_effects
-from .modal_result import ModalResult, array_of, modal_result
+from .modal_result import ModalResult, modal_result
 from .relaxation import relaxing_modes
 from .sparse_modes import DENSE_INSTEAD, is_large, model_modes, sparse_modes
 from .stiffness_factor import stiffness_factor
@@ -245,10 +245,4 @@ def _factor_for(system: Any, r: dict[str, Any]) -> np.ndarray | None:
 
 
 def _matrix(name: str, a: Any) -> np.ndarray:
-    try:
-        f = array_of(a)
-    except UNFIT as problem:
-        raise ModelError(f"{name} must be a real matrix: {problem}") from None
-    if f is None or f.ndim != 2 or f.size == 0:
-        raise ModelError(f"{name} must be a matrix with one column for each coordinate")
-    return f
+    return real_array(name, a, ("m", "n"), "give a matrix with one column for each coordinate")

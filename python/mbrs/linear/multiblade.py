@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from .._lib.checks import complex_array, count, flag, names, real_array, shown
+from .._lib.checks import complex_array, count, flag, names, real_array, real_number, shown
 from ..errors import ModelError
 from ..results import Result, quantity, result
 
@@ -171,9 +171,7 @@ def rotor_modes(modes: ModalResult, blades: Sequence[str], speed: float) -> Roto
     chosen = names("rotor_modes: blades", blades)
     if len(chosen) < 2:
         raise ModelError(f"rotor_modes: a rotor has at least two blades, got {shown(chosen)}")
-    rate = real_array("rotor_modes: speed", speed)
-    if rate.ndim:
-        raise ModelError(f"rotor_modes: speed must be one number, got {shown(speed)}")
+    rate = real_number("rotor_modes: speed", speed)
     coordinates = list(modes.coordinates)
     sizes = {name: sum(c.startswith(f"{name}.q") for c in coordinates) for name in chosen}
     if min(sizes.values()) == 0 or len(set(sizes.values())) != 1:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, TypedDict
 
 import numpy as np
 
-from .._lib.checks import real_array, shown
+from .._lib.checks import real_array, real_number, shown
 from .._lib.rotations import quaternion_matrix
 from .._lib.text import counted
 from ..errors import ModelError, NameNotFoundError
@@ -28,6 +28,9 @@ if TYPE_CHECKING:
 # Measured points this near to a marker or an origin, over the largest distance between those of the model, are that point. Too small:
 # points measured with a tape miss. Too large: neighbours are taken for each other. Pinned by tests/linear/test_pairing.py.
 _NEAR = 2e-3
+# Distance of R R^T from the unit matrix up to which R is a rotation. Larger: frames that stretch pass; smaller: matrices typed with
+# seven digits are refused.
+_ROTATION = 1e-6
 _AXES = {"x": 0, "y": 1, "z": 2}
 
 
@@ -282,7 +285,7 @@ def _frame(frame: Any) -> tuple[np.ndarray, np.ndarray]:
     if (
         origin.shape != (3,)
         or turn.shape != (3, 3)
-        or np.abs(turn @ turn.T - np.eye(3)).max() > 1e-6
+        or np.abs(turn @ turn.T - np.eye(3)).max() > _ROTATION
         or np.linalg.det(turn) < 0
     ):
         raise ModelError("frame= takes a point (3,) and a quaternion (4,) or a rotation matrix (3, 3)")
@@ -291,9 +294,6 @@ def _frame(frame: Any) -> tuple[np.ndarray, np.ndarray]:
 
 def _tolerance(given: Any, targets: Mapping[str, np.ndarray]) -> float:
     if given is not None:
-        value = real_array("tolerance", given)
-        if value.shape != () or not value >= 0.0:
-            raise ModelError(f"tolerance= takes a length in m, got {shown(given)}")
-        return float(value)
+        return real_number("tolerance=, a length in m,", given, 0.0)
     points = np.array([*targets.values(), np.zeros(3)])
     return _NEAR * float(np.linalg.norm(points[:, None] - points[None], axis=2).max())

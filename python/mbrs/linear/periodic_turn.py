@@ -28,6 +28,9 @@ from .turning_frames import STILL_AIR, connected, expm, sampled
 _MAX_ITERATIONS = 40
 # Natural size (rad, characteristic lengths) of the largest change of a pose by one iteration.
 _LONGEST = 0.3
+# Change of a pose (rad, characteristic lengths) that is rounding, and singular values over the largest below which a Jacobian that
+# cannot be factored has no rank. Larger: motions keep the error of the last step, soft poses stay; smaller: rounding goes on moving.
+_ROUNDED, _NO_RANK = 1e-13, 1e-12
 # Force that is not in balance, over the forces at work, at the azimuths, and between them, up to which a periodic motion is called
 # "converged". Larger: motions that too few azimuths cut count as found. Smaller: rounding of stiff parts, and corners of polars,
 # refuse them. Pinned by tests/linear/test_modes_over_a_turn.py.
@@ -132,7 +135,7 @@ class PeriodicTurn:
             z = z.copy()
             z[:, still] += unit * step * part
             held = lag.value + change * part if self.lagging else None
-            if size <= 1e-13:
+            if size <= _ROUNDED:
                 break
         size, kept = best
         if kept is None or not size <= np.sqrt(BALANCED):
@@ -173,7 +176,7 @@ class PeriodicTurn:
         try:
             step = np.linalg.solve(J, right)
         except np.linalg.LinAlgError:
-            step = np.linalg.lstsq(J, right, rcond=1e-12)[0]
+            step = np.linalg.lstsq(J, right, rcond=_NO_RANK)[0]
         return np.asarray(step.reshape(n, -1)), alone + along @ step
 
     def _between(

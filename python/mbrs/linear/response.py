@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from .._lib.border import core_errors
-from .._lib.checks import UNFIT, is_word, real_array, shown
+from .._lib.border import core_errors, require_memory
+from .._lib.checks import UNFIT, choice, real_array, rising
 from .._lib.progress import call_progress
 from .._lib.text import counted, number, without_rounding
 from ..errors import ModelError
@@ -29,6 +29,8 @@ if TYPE_CHECKING:
     from .aliases import Linear, Loads, Ports
 
 _KINDS = ("displacement", "velocity", "acceleration")
+# bytes of a value: of a load its samples and their curvature, of an output three motions and their errors, once in the core and once here
+_ROOM = 96.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -202,17 +204,19 @@ def response(
     True
     """
     begin = time.perf_counter()
-    if not is_word(kind, _KINDS):
-        raise ModelError(f"kind={shown(kind)} is not known; it is one of {', '.join(_KINDS)}")
+    choice("kind", kind, tuple(_KINDS))
     if isinstance(m, MechanicalSystem) and len(m.elements) > 0:
         raise ModelError(
             f"response() is linear and this system has nonlinear elements, {m.elements[0]!r} the first; integrate them by "
             "mb.simulate(system, t, loads=..., x0=..., v0=...), find periodic motions by mb.harmonic_balance, or leave them out: "
             "MechanicalSystem(M, C, K)"
         )
-    times = _times(t)
+    times = rising("t", t, 2)
     ports, functions = _load_pairs(loads)
     linear = _with_inputs(m, ports, outputs, at, without)
+    columns = len(linear.inputs) + len(linear.outputs)
+    what = f"a response of {len(linear.outputs)} outputs to {len(linear.inputs)} loads at {len(times)} times"
+    require_memory(_ROOM * columns * len(times), what, "ask for fewer outputs, or for fewer times")
     history = load_history(times, functions, linear.inputs)
     if linear.shared:
         again = list(linear.shared)
@@ -315,21 +319,11 @@ def load_history(t: np.ndarray, loads: Sequence[Any], names: Sequence[str]) -> L
             # rounding of the load is not curvature
             bulge[j, np.abs(bulge[j]) <= 4 * np.finfo(float).eps * np.abs(u[j]).max()] = 0.0
         else:
-            u[j] = _array(load, t.size, name)
+            u[j] = real_array(
+                f"the load on {name}", load, t.shape, "give one value for each time, or a function of time"
+            )
             bulge[j] = _curvature_bulge(t, u[j])
     return LoadHistory(t, u, bulge)
-
-
-def _times(t: Any) -> np.ndarray:
-    try:
-        times = np.array(t, dtype=float)
-    except UNFIT:
-        raise ModelError(f"t must be an array of times in s, got {t!r}") from None
-    if times.ndim != 1 or times.size < 2:
-        raise ModelError(f"t has shape {times.shape}; it must be at least two times")
-    if not np.all(np.isfinite(times)) or np.any(np.diff(times) <= 0.0):
-        raise ModelError("t must be finite and strictly increasing")
-    return times
 
 
 def _load_pairs(loads: Any) -> tuple[list[Any], list[Any]]:
@@ -387,12 +381,7 @@ def _renamed(linear: LinearSystem, names: tuple[str, ...]) -> LinearSystem:
 
 
 def _state(x: Any, n: int, name: str) -> np.ndarray:
-    if x is None:
-        return np.zeros(n)
-    values = real_array(name, x)
-    if values.shape != (n,):
-        raise ModelError(f"{name} has shape {values.shape}; the system has {n} coordinates")
-    return values
+    return np.zeros(n) if x is None else real_array(name, x, (n,), "give one number for each coordinate")
 
 
 def _sample(load: Callable[[Any], Any], t: np.ndarray, name: str) -> np.ndarray:
@@ -418,18 +407,6 @@ def _vectorised(load: Callable[[Any], Any], t: np.ndarray) -> np.ndarray | None:
     except Exception:
         return None
     return values if np.allclose(values[probe], single, rtol=1e-12, atol=0.0, equal_nan=True) else None
-
-
-def _array(load: Any, n: int, name: str) -> np.ndarray:
-    try:
-        values = np.array(load, dtype=float)
-    except UNFIT:
-        raise ModelError(f"the load on {name} must be a function of time or {n} numbers") from None
-    if values.shape != (n,):
-        raise ModelError(f"the load on {name} has shape {values.shape}; it must be ({n},), one value per time")
-    if not np.all(np.isfinite(values)):
-        raise ModelError(f"the load on {name} contains NaN or infinite values")
-    return values
 
 
 def _curvature_bulge(t: np.ndarray, u: np.ndarray) -> np.ndarray:

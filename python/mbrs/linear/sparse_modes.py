@@ -38,6 +38,14 @@ _SAME_ROOT = 1e-9
 # is slower. Too large: damping that is not proportional is called so; the error of roots would show it.
 # Pinned by tests/truth/test_crowded_modes.py.
 _PROPORTIONAL = 1e-12
+# Components of a shape this near to the largest (relative) are equal to it: the first of them is positive. Larger: a smaller one
+# decides; smaller: rounding decides, and the sign changes with the order of the rows.
+_AS_LARGE = 1e-6
+# 1 - cos^2 of the angle between M and K below which they are multiples of each other, and one is enough. Larger: true sums are
+# refused; smaller: coefficients are rounding.
+_ONE_DIRECTION = 1e-6
+# Growth over |s| that is rounding where there is damping. Larger: weak flutter is called stable; smaller: rounding is called flutter.
+_GROWS = 1e-12
 # What each matrix is across its diagonal.
 _SIGNS = {"M": 1.0, "C": 1.0, "G": -1.0, "K": 1.0, "N": -1.0}
 
@@ -179,7 +187,7 @@ def model_modes(
 def _sign(r: dict[str, Any]) -> None:
     """The largest component of each shape has a positive real part."""
     size = np.abs(r["shape"])
-    first = np.argmax(size >= (1.0 - 1e-6) * size.max(axis=0), axis=0)
+    first = np.argmax(size >= (1.0 - _AS_LARGE) * size.max(axis=0), axis=0)
     flip = np.where(r["shape"][first, np.arange(size.shape[1])].real < 0.0, -1.0, 1.0)
     r["shape"] = r["shape"] * flip
     r["body"], r["motion"] = r["body"] * flip, r["motion"] * flip
@@ -227,7 +235,7 @@ def _proportional(M: Any, C: Any, K: Any) -> tuple[float, float] | None:
     determinant = mm * kk - mk * mk
     candidates = [(mc / mm, 0.0), (0.0, kc / kk if kk > 0.0 else 0.0)]
     # where M and K are nearly multiples of each other one of them is enough
-    if determinant > 1e-6 * mm * kk:
+    if determinant > _ONE_DIRECTION * mm * kk:
         candidates.append(((kk * mc - mk * kc) / determinant, (mm * kc - mk * mc) / determinant))
     return next((pair for pair in candidates if _is_sum(M, C, K, *pair)), None)
 
@@ -314,8 +322,8 @@ def _kinds(s: np.ndarray, damped: bool) -> np.ndarray:
     kind = np.full(len(s), "vibration", dtype="U10")
     kind[(s.imag == 0.0) & (s.real < 0.0)] = "overdamped"
     kind[(s.imag == 0.0) & (s.real > 0.0)] = "divergence"
-    stable = -1e-12 * np.abs(s) if damped else 0.0
-    kind[(s.imag != 0.0) & (s.real > -stable)] = "flutter"
+    noise = _GROWS * np.abs(s) if damped else 0.0
+    kind[(s.imag != 0.0) & (s.real > noise)] = "flutter"
     kind[s == 0.0] = "rigid"
     return kind
 

@@ -17,6 +17,9 @@ from .strains import strains_at
 # Rates of strain that count as rounding, over the terms that they are made of: free of units. Larger: a spring that is wound up
 # slowly passes for a steady motion; smaller: rounding of drawn points refuses one. Pinned by tests/truth/test_steady_rotation.py.
 GROWS = 1e-10
+# Singular values over the largest below which rates of strain have no rank. Larger: stiff chains keep rates that wind them up; smaller:
+# rounding of drawn points turns loose parts.
+_NO_RANK = 1e-11
 
 
 def free_bodies(topology: dict[str, Any]) -> dict[str, int]:
@@ -146,7 +149,7 @@ def spin_of(
     columns = np.max(np.abs(twists) / scale[None, :, None], axis=(0, 1))
     for allowed in (loose, range(len(rate))):
         places = [i for i in allowed if i not in driven and i not in modal and columns[i] > 0.0]
-        found = np.linalg.lstsq(stacked[:, places] / columns[places], -right, rcond=1e-11)[0]
+        found = np.linalg.lstsq(stacked[:, places] / columns[places], -right, rcond=_NO_RANK)[0]
         made = rate.copy()
         made[places] += found / columns[places]
         made[np.abs(made) * columns < GROWS * size] = 0.0

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from .._lib.border import core_errors
-from .._lib.checks import UNFIT, count
+from .._lib.checks import count, real_number
 from .._lib.rotations import skew
 from .._lib.text import counted, number
 from ..errors import ConvergenceError, ModelError, SingularError
@@ -43,6 +43,15 @@ _PLACES = 4.0
 # Residual force, relative to the forces at work, beyond which a motion is not called converged; and the forces, over the stiffness
 # times a radian or a characteristic length, below which a model counts as unloaded. As of equilibria (rust/src/tolerances.rs).
 _BALANCED, _UNLOADED = 1e-9, 1e-11
+# Singular values over the largest, free of units, below which rates of loops and the stiffness of the motion have no rank. Larger:
+# soft directions are left where they are; smaller: rounding moves what nothing holds.
+_NO_RATE, _NO_STIFFNESS = 1e-10, 1e-13
+# Changes of a pose (rad, characteristic lengths) and parts of the largest rate that are rounding. Larger: motions keep the error of
+# the last step; smaller: iterations repeat themselves.
+_ROUNDED = 1e-14
+# Mismatch of a loop over the fastest body, 1/s over 1/s, from which on its speeds are not constant. Larger: a loop that tears passes;
+# smaller: rounding of drawn points refuses one that holds.
+_TORN = 1e-9
 _Found = tuple[State, dict[str, Any], int, bool]
 
 
@@ -312,10 +321,10 @@ def _rates(snapshot: Snapshot, begin: State, driven: Mapping[int, float], withou
     with core_errors():
         rows = snapshot.system.rows(begin.q, np.zeros_like(rate), 0.0, list(without))
     held, values = np.eye(len(rate))[list(driven)], list(driven.values())
-    found = np.linalg.lstsq(np.vstack([rows["jacobian"], held]), np.concatenate([-rows["rates"], values]), rcond=1e-10)[
-        0
-    ]
-    return np.where(np.abs(found) > 1e-14 * np.max(np.abs(found), initial=0.0), found, 0.0)
+    found = np.linalg.lstsq(
+        np.vstack([rows["jacobian"], held]), np.concatenate([-rows["rates"], values]), rcond=_NO_RATE
+    )[0]
+    return np.where(np.abs(found) > _ROUNDED * np.max(np.abs(found), initial=0.0), found, 0.0)
 
 
 def _drive_forces(
@@ -341,13 +350,7 @@ def _items(speed: Any) -> Mapping[str, Any]:
 
 
 def _speed(key: str, value: Any) -> float:
-    try:
-        made = float(value)
-    except UNFIT:
-        raise ModelError(f"the speed of {key!r} must be a number in rad/s, got {value!r}") from None
-    if not np.isfinite(made):
-        raise ModelError(f"the speed of {key!r} must be finite, got {value!r}")
-    return made
+    return real_number(f"the speed of {key!r} in rad/s", value)
 
 
 def _coordinate(model: Any, system: Any, names: Sequence[str], key: Any) -> int:
@@ -418,7 +421,7 @@ def _solve(
         longest = _natural_size(r, step, snapshot.system.characteristic_length)
         moving = acceleration if np.any(acceleration) else np.zeros(0)
         now = State(q, rate, "steady", driven=tuple(driven), acceleration=moving), r, iteration, balanced
-        if size <= 1e-14 or longest <= 1e-14:
+        if size <= _ROUNDED or longest <= _ROUNDED:
             return now
         # what Newton's method does not lessen is rounding, or good enough
         if size >= best and (known[3] or np.all(explained)):
@@ -465,8 +468,8 @@ def _carried_stiffness(r: dict[str, Any], spin: Spin, rate: np.ndarray, place: M
 
 def _newton(S: np.ndarray, residual: np.ndarray, forces: np.ndarray) -> np.ndarray:
     """-S^-1 r; directions without stiffness are left alone unless something pushes them."""
-    step, _, rank, _ = np.linalg.lstsq(S, -residual, rcond=1e-13)
-    if rank < len(residual) and np.max(np.abs(S @ step + residual) / forces) > 1e-9:
+    step, _, rank, _ = np.linalg.lstsq(S, -residual, rcond=_NO_STIFFNESS)
+    if rank < len(residual) and np.max(np.abs(S @ step + residual) / forces) > _BALANCED:
         raise SingularError(
             "a force of the steady motion acts along a direction that nothing restrains; add a spring or a joint"
         )
@@ -486,7 +489,7 @@ def _check_rates(
         float(np.max(np.abs(moved["angular_velocity"]), initial=0.0)),
         float(np.max(np.abs(moved["velocity"]), initial=0.0)) / length,
     )
-    if miss > 1e-9 * fastest:
+    if miss > _TORN * fastest:
         raise ModelError(
             "a closed loop does not let these speeds be constant with everything else at rest; drive a joint outside "
             "the loops"

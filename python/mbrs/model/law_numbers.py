@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from .._lib.checks import UNFIT
+from .._lib.checks import real_array
 from ..errors import ModelError
 
 
@@ -51,17 +51,9 @@ def sequence(law: str, name: str, values: Any) -> list[Any]:
 
 def direction(law: str, w: Any) -> np.ndarray:
     """A direction (n,) that is not zero, read only."""
-    if hasattr(w, "toarray"):
-        w = w.toarray().ravel()
-    try:
-        w = np.array(w, dtype=float)
-    except UNFIT:
-        raise ModelError(f"{law}: w must be a real vector, it is {w!r}") from None
-    if w.ndim != 1 or w.size == 0:
-        raise ModelError(f"{law}: w must be a vector (n,), its shape is {w.shape}")
-    if not np.all(np.isfinite(w)):
-        raise ModelError(f"{law}: w contains NaN or infinite entries")
-    if not w.any():
+    w = w.toarray().ravel() if hasattr(w, "toarray") else w
+    made = real_array(f"{law}: w", w, ("n",), "give one number for each coordinate")
+    if not made.any():
         raise ModelError(f"{law}: w is zero: the element would act on nothing; name the coordinate it works on")
-    w.setflags(write=False)
-    return np.asarray(w)
+    made.setflags(write=False)
+    return made

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from .._lib.checks import real_array
 from ..errors import ConvergenceError, ModelError
 from ..flexible import ModalBody
 from ..linear.linear_system import directions
@@ -22,6 +23,7 @@ from ..model.model import Model
 from ..results import Stats
 from ..system.snapshot import Snapshot
 from ..system.state import State, state_of
+from .options import DEFAULT
 from .trajectory import Trajectory
 
 _BODY, _HELD = "x", "held"
@@ -162,7 +164,7 @@ def _error(
     model: Model, traj: Trajectory, start: np.ndarray, options: dict[str, Any], run: Run, compared: Any
 ) -> np.ndarray:
     """(n, n_t) estimated errors of the displacements: the difference to a second run at the same times."""
-    changed, factor = compared(traj, {"rtol": 1e-7, **options} if "step" not in options else options)
+    changed, factor = compared(traj, {"rtol": DEFAULT, **options} if "step" not in options else options)
     second = {**options, "rtol": None, "step": None, **changed, "method": traj.method}
     try:
         other = run(model, traj.t, at=_state(model, start), **second)
@@ -199,10 +201,8 @@ def _state(model: Model, start: np.ndarray) -> State:
 
 
 def _start(x: Any, n: int, name: str) -> np.ndarray:
-    values = np.zeros(n) if x is None else np.array(x, dtype=float).reshape(-1)
-    if values.shape != (n,) or not np.all(np.isfinite(values)):
-        raise ModelError(f"{name} must be {n} finite numbers, one for each coordinate")
-    return values
+    give = "give one number for each coordinate"
+    return np.zeros(n) if x is None else real_array(name, real_array(name, x, None, give).ravel(), (n,), give)
 
 
 def _symmetric_mass(M: np.ndarray) -> np.ndarray:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .._lib.checks import UNFIT, count, is_word, shown
+from .._lib.border import require_memory
+from .._lib.checks import choice, count, is_word, positive, real_array, real_number, rising, shown
 from ..errors import ModelError
 from ..model.directions import directions
 from ..system.effects import LINEAR_ONLY, check_without
@@ -24,8 +24,14 @@ ORDER = {"explicit": 8, "generalized-alpha": 2, "radau": 5, "radau/9": 9, "bdf":
 # their error is estimated by a tighter run, that of the others by a looser one
 TIGHTENED = frozenset({"explicit", "radau", "bdf", "bdf-bfgs"})
 TIGHTEST, LOOSEST = 1e-13, 1e-1
+# the tolerance where none is asked for
+DEFAULT = 1e-7
 # more would take days
 MOST_STEPS = 10**9
+# numbers that an output of a motion and a step of a gradient hold while they are made, measured: 380 and 430 bytes with one coordinate,
+# 1080 with twelve and 780 with eight. Larger, motions are refused that would fit; smaller, the process ends for want of memory
+# (tests/test_memory.py)
+_NUMBERS_OF_AN_INSTANT, _NUMBERS_OF_A_COORDINATE = 48, 8
 # below it the norm to which the equations of a step of bdf-bfgs are solved shows in the rates, and steps collapse; with rows of loops
 # or drives it shows earlier (slider-crank: from 1e-9 on errors of 1.3e-9 to 2.8e-9, whatever is asked)
 _TIGHTEST_WITHOUT_TANGENT = 1e-10
@@ -92,7 +98,7 @@ def penalised(method: str, penalty: Any, passes: Any, parameters: Any) -> dict[s
     if penalty is None:
         raise ModelError("passes= belongs to a penalty factor: give penalty=, such as 1e6")
     return {
-        "penalty": _number("penalty", penalty),
+        "penalty": positive("penalty=", penalty),
         "passes": float(count("passes", 1 if passes is None else passes, _MOST_PASSES)),
     }
 
@@ -150,57 +156,52 @@ def refuse_options_of_matrices(given: Mapping[str, Any]) -> None:
 
 def limits(rho: Any, max_step: Any, first_step: Any, max_steps: Any, span: float) -> dict[str, float]:
     """Damping of generalised-alpha and limits of the steps, those that are given."""
-    options = {}
-    for name, value in (("rho", rho), ("max_step", max_step), ("first_step", first_step), ("max_steps", max_steps)):
-        if value is not None:
-            options[name] = _number(name, value, positive=name != "rho")
-    if max_steps is not None and (isinstance(max_steps, bool) or options["max_steps"] % 1.0 != 0.0):
+    given = {"max_step": max_step, "first_step": first_step, "max_steps": max_steps}
+    options = {name: positive(f"{name}=", value) for name, value in given.items() if value is not None}
+    if rho is not None:
+        options["rho"] = real_number("rho=", rho, 0.0, 1.0)
+    if max_steps is not None and options["max_steps"] % 1.0 != 0.0:
         raise ModelError(f"max_steps= must be a whole number, got {shown(max_steps)}")
     if max_step is not None and span / options["max_step"] > MOST_STEPS:
         raise ModelError(f"max_step={max_step} would need more than 1e9 steps")
-    if rho is not None and not 0.0 <= rho <= 1.0:
-        raise ModelError(f"rho= lies between 0 and 1, got {rho}")
     return options
 
 
-def _number(name: str, value: Any, *, positive: bool = True) -> float:
-    try:
-        number = float(value)
-    except UNFIT:
-        raise ModelError(f"{name}= must be a number, got {shown(value)}") from None
-    if not math.isfinite(number) or (positive and number <= 0.0):
-        raise ModelError(f"{name}= must be a {'positive' if positive else 'finite'} number, got {shown(value)}")
-    return number
+def require_room(instants: float, state: State, what: str, remedy: str) -> None:
+    """Memory of what is kept of every instant of a motion."""
+    size = 8.0 * (_NUMBERS_OF_AN_INSTANT + _NUMBERS_OF_A_COORDINATE * len(state.q)) * instants
+    require_memory(size, what, remedy)
 
 
 def motion_options(t: Any, rtol: Any, step: Any, method: Any, state: State) -> dict[str, Any]:
     """Method, outputs, end, and the fixed step or the tolerance, for the core."""
-    if not isinstance(method, str) or method not in METHODS:
-        raise ModelError(f"method= is one of {', '.join(map(repr, METHODS))}, got {shown(method)}")
+    choice("method", method, METHODS)
     if rtol is not None and step is not None:
         raise ModelError("give rtol= (controlled steps) or step= (fixed steps), not both")
     options: dict[str, Any] = {"method": method, "t": state.t, "memory": state.memory.tolist()}
-    try:
-        times = np.asarray(t, dtype=float)
-    except UNFIT:
-        raise ModelError(f"t= must be a number or an array of times, got {shown(t)}") from None
-    if times.ndim > 1 or times.size == 0 or not np.all(np.isfinite(times)):
-        raise ModelError(f"t= must be a finite number or a one-dimensional array of finite times, got {shown(t)}")
-    if times.ndim == 1:
-        if np.any(np.diff(times) <= 0.0):
-            raise ModelError("the times of t= must increase")
-        options["outputs"] = times.tolist()
+    times = real_array("t=", t, None, "give the end in s, or the times of the outputs")
+    if times.ndim:
+        require_room(times.size, state, f"a motion with {times.size} outputs", "ask for fewer times")
+        options["outputs"] = rising("t=", times, 1).tolist()
     options["end"] = float(times.max())
     if times.min() < state.t:
         raise ModelError(f"t={times.min():.9g} s lies before the start at {state.t:.9g} s")
     if times.ndim == 0 and options["end"] == state.t:
         raise ModelError(f"t= must lie after the start at {state.t:.9g} s")
     if step is not None:
-        options["step"] = _number("step", step)
+        options["step"] = positive("step=", step)
         if (options["end"] - state.t) / options["step"] > MOST_STEPS:
             raise ModelError(f"step={step} would need more than 1e9 steps")
+        if times.ndim == 0:
+            outputs = (options["end"] - state.t) / options["step"]
+            require_room(
+                outputs,
+                state,
+                f"a motion with {outputs:.0f} outputs",
+                "name the times of the outputs, such as t=np.linspace(0, 1, 101)",
+            )
     else:
-        options["rtol"] = _number("rtol", 1e-7 if rtol is None else rtol)
+        options["rtol"] = positive("rtol=", DEFAULT if rtol is None else rtol)
         if not TIGHTEST <= options["rtol"] <= LOOSEST:
             raise ModelError(f"rtol= must lie between {TIGHTEST} and {LOOSEST}, got {shown(rtol)}")
     return options

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from .._lib.checks import UNFIT
+from .._lib.checks import real_array
 from ..errors import ModelError, NameNotFoundError
 from ..model.names import index, nearest, shown
 from ..model.schema import JOINTS
@@ -56,12 +56,7 @@ class Names:
         if of is None:
             i = index("no marker", _name(marker), self.markers)
             return ("point", int(self.tables["marker_body"][i]), order, int(self.tables["marker_x"][i]), None)
-        try:
-            drawn = np.asarray(marker, dtype=float)
-        except UNFIT:
-            drawn = np.zeros(0)
-        if drawn.shape != (3,) or not np.all(np.isfinite(drawn)):
-            raise ModelError(f"a point is three finite numbers, got {shown(marker)}")
+        drawn = real_array("a point fixed in a body", marker, (3,), "give three coordinates in m")
         x, y, z = (float(v) for v in drawn)
         return ("point", self.body(of), order, None, (x, y, z))
 

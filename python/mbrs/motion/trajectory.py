@@ -10,7 +10,7 @@ import numpy as np
 
 from .. import _core
 from .._lib.border import core_errors
-from .._lib.checks import UNFIT
+from .._lib.checks import real_array, real_number
 from .._lib.rotations import quaternion_matrix
 from .._lib.text import counted
 from ..errors import ModelError
@@ -148,12 +148,7 @@ class Trajectory(AirMotion, Result):
             drawn = x[start:][MARKER.block.slice("at")]
         else:
             body = self._body(of)
-            try:
-                drawn = np.asarray(marker, dtype=float)
-            except UNFIT:
-                drawn = np.zeros(0)
-            if drawn.shape != (3,) or not np.all(np.isfinite(drawn)):
-                raise ModelError(f"a point is three finite numbers, got {marker!r}")
+            drawn = real_array("a point fixed in a body", marker, (3,), "give three coordinates in m")
         if body < 0:
             return np.broadcast_to(drawn, (len(self.t), 3)).copy()
         start = int(t["body_x"][body])
@@ -387,12 +382,9 @@ class Trajectory(AirMotion, Result):
 
     def _output(self, t: Any) -> int:
         """The output at a time."""
-        try:
-            asked = float(t)
-        except UNFIT:
-            raise ModelError(f"t = {t!r} is not an output time: t= is a time of an output, one of traj.t") from None
+        asked = real_number("t", t, give="name an output time, one of traj.t")
         i = int(np.argmin(np.abs(self.t - asked)))
-        if not np.isfinite(asked) or abs(self.t[i] - asked) > 1e-9 * max(1.0, abs(asked)):
+        if abs(self.t[i] - asked) > 1e-9 * max(1.0, abs(asked)):
             raise ModelError(f"t = {t} is not an output time; the nearest is {self.t[i]:.9g}: name times with t=[...]")
         return i
 

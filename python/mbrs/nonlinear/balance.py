@@ -10,8 +10,7 @@ import numpy as np
 
 from .. import _core
 from .._lib import checks
-from .._lib.border import core_errors
-from .._lib.checks import UNFIT
+from .._lib.border import core_errors, require_memory
 from ..errors import ModelError, SingularError
 from ..model.laws import FunctionLaw, Law
 from . import condensation
@@ -26,6 +25,12 @@ ALIASED = 0.5  # part of the error from which on more samples pay
 # aliasing, relative to the solution, that does not count where no tolerance was given: too large, friction and contact curves are
 # rough; too small, every point takes all the samples there are (tests/nonlinear/test_hbm_sampling.py)
 NEGLIGIBLE = 1e-4
+# growth over the frequency up to which a motion counts as stable: larger, slow growth passes; smaller, motions that neither grow nor decay
+# are called unstable by rounding
+NEUTRAL = 1e-9
+# step of the differences by the parameter of a family, over its range: larger, a curve that bends is followed with more corrections;
+# smaller, rounding of the family turns the tangent (tests/nonlinear/test_hbm_parameter.py)
+FAMILY_STEP = 1e-5
 # smallest over largest singular value of the scaled equations at rest below which they are singular, free of units: too large,
 # soft coordinates are called loose; too small, loose ones are not named (tests/truth/test_hbm_loose.py)
 SINGULAR = 1e-12
@@ -253,7 +258,7 @@ def prepare_family(
         linear = condensation.linear_part(system, laws, forces, setup.n_c, fourier.condense, turn=False)
         return linear.core, core_elements(laws, linear.directions)
 
-    setup.core.with_family(made, value, 1e-5 * span)
+    setup.core.with_family(made, value, FAMILY_STEP * span)
     return replace(setup, family=Family(member, value, span))
 
 
@@ -351,6 +356,9 @@ def _force_terms(n: int, force: Any, terms: tuple[int, ...], subharmonic: int) -
             "a force given as a function of time has one period: mb.harmonic_balance takes it; give {harmonic: (n,)}"
         )
     given = dict(force) if isinstance(force, Mapping) else {1: force}
+    # forces, motion and residual
+    size = 3.0 * 16.0 * (len(terms) + 1) * n
+    require_memory(size, f"{len(terms)} harmonics of {n} coordinates", "take fewer harmonics, or reduce the system")
     out = np.zeros((len(terms) + 1, n), complex)
     for h, vector in given.items():
         if isinstance(h, bool) or not isinstance(h, int | np.integer) or h < 0:
@@ -374,10 +382,7 @@ def force_vector(n: int, vector: Any, h: int) -> np.ndarray:
     """A complex force (n,) of one harmonic, checked."""
     if isinstance(vector, str | bytes) or vector is None:
         raise ModelError(f"force of harmonic {h} must be a vector (n,), it is {checks.shown(vector)}")
-    f = checks.complex_array(f"force of harmonic {h}", vector)
-    if f.shape != (n,):
-        raise ModelError(f"force of harmonic {h} must have the shape ({n},), it has {f.shape}")
-    return f
+    return checks.complex_array(f"force of harmonic {h}", vector, (n,), "give one number for each coordinate")
 
 
 def core_elements(laws: Sequence[Law], directions: Sequence[np.ndarray]) -> Any:
@@ -404,12 +409,9 @@ def one_frequency(omega: Any, frequency: Any) -> Any:
         raise ModelError("give exactly one of omega (rad/s) and frequency (Hz)")
     value = omega if frequency is None else frequency
     name = "omega" if frequency is None else "frequency"
-    try:
-        array = np.asarray(value, dtype=float)
-    except UNFIT:
-        raise ModelError(f"{name} must be real, it is {checks.shown(value)}") from None
-    if array.size == 0 or not np.all(np.isfinite(array)) or np.any(array <= 0):
-        raise ModelError(f"{name} must be positive and finite, it is {checks.shown(value)}")
+    array = checks.real_array(name, value, None, "give positive numbers")
+    if array.size == 0 or np.any(array <= 0):
+        raise ModelError(f"{name} must be positive, it is {checks.shown(value)}")
     if np.any(array > checks.LARGEST) or np.any(array < 1 / checks.LARGEST):
         raise ModelError(f"{name} = {checks.shown(value)} is beyond what can be squared; choose other units")
     return array if frequency is None else 2 * np.pi * array

@@ -14,11 +14,12 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from .. import _core
+from .._lib.checks import two_ends
 from .._lib.progress import Progress
 from ..errors import ConvergenceError, Interrupted, MbrsError, ModelError, SingularError
 from ..results import Stats
 from . import balance
-from .branch_options import BranchOptions, first_set, one_of_each, range_and_level, range_of_values
+from .branch_options import BranchOptions, first_set, one_of_each, range_and_level
 from .branch_points import STATUS, BranchPoint, Chunks, Event, resolved
 from .options import MOST_HARMONICS, Continuation, Fourier, Newton
 from .periodic import effects_of, first_solution
@@ -96,7 +97,7 @@ class Branch(Iterator[BranchPoint]):
             self.parameter = "omega" if w.shape == (2,) else "level"
             self.omega, self.level = range_and_level(w, level)
         else:
-            self.parameter, self.value = "family", range_of_values(value)
+            self.parameter, self.value = "family", two_ends("value", value)
             self.omega, self.level = one_of_each(w, level)
             self.system, self.force = family(self.value[0])
         self.fourier = Fourier(harmonics, n_samples, subharmonic, condense, tol)

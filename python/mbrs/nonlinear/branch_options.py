@@ -52,14 +52,6 @@ def first_set(force: Any) -> int:
     return max([3, *given])
 
 
-def range_of_values(value: Any) -> tuple[float, float]:
-    """The two different ends of a range of values."""
-    ends = checks.real_array("value, a range (start, end),", value)
-    if ends.size != 2 or not np.all(np.isfinite(ends)) or ends[0] == ends[1]:
-        raise ModelError(f"value must be a range of two different finite numbers, it is {checks.shown(value)}")
-    return float(ends[0]), float(ends[1])
-
-
 def one_of_each(w: np.ndarray, level: Any) -> tuple[tuple[float, float], tuple[float, float]]:
     """Frequency and level of a branch in a value, each as a range of one number."""
     if w.ndim != 0:

@@ -22,6 +22,9 @@ REDUCED_COORDINATES = 96
 SHIFTS = 24
 ROUTES = ("auto", "modal", "sparse")
 NEGLIGIBLE_SHAPE = 1e-9
+# lowest over highest squared frequency of what is condensed below which it moves as a rigid body and is kept, and damping between modes
+# over its largest entry up to which modes decouple: larger, soft parts are kept and coupled ones are cut; smaller, rounding is condensed
+LOOSE, COUPLED = 1e-11, 1e-12
 WORTH_CONDENSING = 150
 ROUGH = 1e-9  # relative rounding of the lowest eigenvalue from which on the sparse route, which is refined, is better
 
@@ -166,7 +169,7 @@ def _modal(matrices: tuple[np.ndarray, ...], retained: np.ndarray, forces: np.nd
             return None
         stiffness, damping, shape = found
         lowest, highest = (np.min(stiffness), np.max(stiffness)) if len(local) else (0.0, 0.0)
-        if len(local) == 0 or lowest > 1e-11 * highest:
+        if len(local) == 0 or lowest > LOOSE * highest:
             if not wanted and len(local) and highest * np.finfo(float).eps > ROUGH * lowest:
                 return None
             break
@@ -209,7 +212,7 @@ def _modes_by_parts(M: Any, C: Any, K: Any) -> tuple[np.ndarray, np.ndarray, np.
         damping[own] = np.diag(coupled)
         size = np.max(np.abs(coupled), initial=0.0)
         np.fill_diagonal(coupled, 0.0)
-        if np.max(np.abs(coupled), initial=0.0) > 1e-12 * size:
+        if np.max(np.abs(coupled), initial=0.0) > COUPLED * size:
             return None
         shape[np.ix_(own, own)] = vectors
     return stiffness, damping, shape

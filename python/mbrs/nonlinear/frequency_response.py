@@ -127,7 +127,7 @@ def _points(system: Any, options: BranchOptions) -> FrequencyResponse:
     of_each = {name: given[name] for name in ("n_samples", "subharmonic", "condense", "tol", "harmonics")}
     found, status = _solved_one_by_one(system, scaled, list(map(float, w)), given["x0"], of_each, stability)
     parts, errors, exponents, evaluations = zip(*found, strict=True)
-    n, borders = len(found), 1e-9 * w[: len(found)] / given["subharmonic"]
+    n, borders = len(found), balance.NEUTRAL * w[: len(found)] / given["subharmonic"]
     stable = [np.nan if s is None else float(np.all(s.real <= b)) for s, b in zip(exponents, borders, strict=True)]
     made = FrequencyResponse(
         np.asarray(w[:n]),

@@ -45,7 +45,7 @@ class LimitCycle(PeriodicSolution):
         if self.exponents is None:
             return None
         others = np.delete(self.exponents, np.argmin(np.abs(self.exponents)))
-        return bool(np.all(others.real <= 1e-9 * self.omega))
+        return bool(np.all(others.real <= balance.NEUTRAL * self.omega))
 
     @property
     def multipliers(self) -> np.ndarray | None:

@@ -12,7 +12,6 @@ import numpy as np
 
 from .. import _core
 from .._lib import checks
-from .._lib.checks import UNFIT
 from ..errors import Interrupted, ModelError
 from ..model.book import Book
 from ..results import Result, Stats, derived, quantity, result
@@ -285,13 +284,10 @@ def _is_range(source: Any) -> bool:
 
 
 def _ends(name: str, value: Any, positive: bool = False) -> tuple[float, float]:
-    try:
-        ends = np.asarray(value, float)
-    except UNFIT:
-        ends = np.full(2, np.nan)
-    if not np.all(np.isfinite(ends)) or ends[0] == ends[1] or (positive and np.any(ends <= 0)):
-        raise ModelError(f"{name} must be a range of two different finite numbers, it is {value!r}")
-    return float(ends[0]), float(ends[1])
+    ends = checks.two_ends(name, value)
+    if positive and min(ends) <= 0.0:
+        raise ModelError(f"{name} must be a range of two positive numbers, it is {checks.shown(value)}")
+    return ends
 
 
 def _checked_scale(scale: Any) -> float:
@@ -305,7 +301,7 @@ def _followed(problem: Torus, way: _Way, x0: Any, steps: Continuation, most: int
     a, b = way.ends
     if way.family is not None:
         family = way.family
-        problem.core.with_family(lambda p: problem.member(family(p)), a, 1e-5 * abs(b - a))
+        problem.core.with_family(lambda p: problem.member(family(p)), a, balance.FAMILY_STEP * abs(b - a))
     branch = balance.call_core(
         _core.HbmBranch,
         problem.core,

@@ -52,13 +52,7 @@ def _value(force: Callable[[float], Any], n: int, t: float) -> np.ndarray:
         made = np.asarray(force(t), dtype=float)
     except UNFIT as reason:
         raise ModelError(f"force, a function of time, failed at t = {t:.6g} s: {reason}") from reason
-    if made.shape != (n,):
-        raise ModelError(f"force, a function of time, must return ({n},) numbers, it returned the shape {made.shape}")
-    if not np.all(np.isfinite(made)):
-        raise ModelError(
-            f"force, a function of time, returned {checks.shown(made)} at t = {t:.6g} s; it must be finite"
-        )
-    return made
+    return checks.real_array(f"what force, a function of time, returned at t = {t:.6g} s", made, (n,))
 
 
 def _check_period(force: Callable[[float], Any], n: int, period: float, values: np.ndarray) -> None:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .._lib.checks import UNFIT
+from .._lib.checks import real_number
 from ..errors import ModelError
 from .figure import PALETTE, canvas, colours, figure, legend, style
 
@@ -71,7 +71,7 @@ def tornado(
 
 def _amounts(result: Any, change: float | Mapping[str, float]) -> tuple[np.ndarray, list[str]]:
     """Change of every parameter, and the words for it."""
-    part = 0.01 if isinstance(change, Mapping) else _finite("change", change)
+    part = 0.01 if isinstance(change, Mapping) else real_number("change", change)
     amounts = part * np.nan_to_num(np.abs(np.asarray(result.where, dtype=float)))
     texts = [f"+{100 * part:g} %"] * len(amounts)
     for name, amount in change.items() if isinstance(change, Mapping) else ():
@@ -80,19 +80,9 @@ def _amounts(result: Any, change: float | Mapping[str, float]) -> tuple[np.ndarr
             known = ", ".join(result.labels[:12]) + (", ..." if len(result.labels) > 12 else "")
             raise ModelError(f"change= names {name!r}, no parameter of this gradient; known: {known}")
         for i in found:
-            amounts[i] = _finite(f"change[{name!r}]", amount)
+            amounts[i] = real_number(f"change[{name!r}]", amount)
             texts[i] = f"+{amounts[i]:g} {result.units[i]}".rstrip()
     return amounts, texts
-
-
-def _finite(name: str, value: Any) -> float:
-    try:
-        number = float(value)
-    except UNFIT:
-        number = np.nan
-    if not np.isfinite(number):
-        raise ModelError(f"{name} must be a finite number, got {value!r}")
-    return number
 
 
 def over_time(traj: Any, of: Any, *, ax: Axes | None = None) -> Figure:

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from .. import _core
 from .._lib.border import core_errors
-from .._lib.checks import UNFIT
+from .._lib.checks import each, real_array, shown
 from ..errors import ModelError
 from .root_options import PATIENCE, Estimate, Limits, LineSearch, without_additions
 
@@ -207,22 +207,9 @@ def root(
 
 
 def _start(x0: ArrayLike) -> _F1:
-    try:
-        x = np.array(x0)
-    except ValueError:
-        raise ModelError("x0 must be a one-dimensional array of numbers") from None
-    if np.iscomplexobj(x):
-        raise ModelError("x0 is complex; split real and imaginary parts into separate unknowns")
-    try:
-        x = np.atleast_1d(x.astype(np.float64))
-    except UNFIT:
-        raise ModelError("x0 must be a one-dimensional array of numbers") from None
-    if x.ndim != 1 or x.size == 0:
-        raise ModelError(f"x0 has shape {x.shape}; give a one-dimensional array with at least one unknown")
-    bad = np.flatnonzero(~np.isfinite(x))
-    if bad.size:
-        raise ModelError(f"x0[{bad[0]}] is {x[bad[0]]}; start from finite numbers")
-    return cast(_F1, x)
+    give = "give a one-dimensional array of at least one unknown, of a complex one its real and imaginary parts"
+    x = real_array("x0", x0, None, give)
+    return cast(_F1, real_array("x0", np.atleast_1d(x), ("n",), give))
 
 
 def _check_start(function: _Function, x: _F1) -> None:
@@ -238,12 +225,9 @@ def _check_start(function: _Function, x: _F1) -> None:
 
 
 def _scale(name: str, value: ArrayLike, n: int) -> _F1:
-    try:
-        scale = np.broadcast_to(np.asarray(value, dtype=np.float64), (n,)).copy()
-    except UNFIT:
-        raise ModelError(f"{name} must be a positive number or an array of {n} of them") from None
-    if not (np.isfinite(scale).all() and (scale > 0).all()):
-        raise ModelError(f"{name} must be positive and finite")
+    scale = each(name, value, n, "unknowns")
+    if not (scale > 0).all():
+        raise ModelError(f"{name} must be positive, it is {shown(value)}")
     return scale
 
 
@@ -287,15 +271,7 @@ def _first_inverse(inverse0: Any, estimate: Estimate, function: _Function) -> _c
 
 
 def _square(name: str, value: Any, n: int) -> NDArray[np.float64]:
-    if hasattr(value, "toarray"):
-        value = value.toarray()
-    try:
-        matrix = np.ascontiguousarray(value, dtype=np.float64)
-    except UNFIT:
-        raise ModelError(f"{name} must be an array ({n}, {n}) of real numbers") from None
-    if matrix.shape != (n, n) or not np.isfinite(matrix).all():
-        raise ModelError(f"{name} must be a finite array ({n}, {n}); it has shape {matrix.shape}")
-    return matrix
+    return np.ascontiguousarray(real_array(name, value, (n, n), f"give an array ({n}, {n}), or leave it out"))
 
 
 def _observer(callback: Callable[[_F1, _F1], Any] | None, function: _Function) -> Callable[[_F1, _F1], bool] | None:

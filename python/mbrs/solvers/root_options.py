@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from .._lib.checks import UNFIT
+from .._lib.checks import UNFIT, positive, real_array, real_number
 from ..errors import ModelError
 
 METHODS = ("inverse-bfgs", "broyden")
@@ -33,8 +33,8 @@ class LineSearch:
     invariant: bool
 
     def __post_init__(self) -> None:
-        _positive("sigma1", self.sigma1)
-        _positive("sigma2", self.sigma2)
+        positive("sigma1", self.sigma1)
+        positive("sigma2", self.sigma2)
         _fraction("rho", self.rho)
         _fraction("beta", self.beta)
         _count("max_backtracks", self.max_backtracks)
@@ -64,7 +64,7 @@ class Limits:
     fallback: bool
 
     def __post_init__(self) -> None:
-        _positive("tol", self.tol)
+        positive("tol", self.tol)
         for name in ("maxiter", "patience", "restarts"):
             _count(name, getattr(self, name))
         if self.maxfev is not None:
@@ -98,8 +98,8 @@ class Estimate:
     def __post_init__(self) -> None:
         if self.method not in METHODS:
             raise ModelError(f"method {self.method!r} is not known; choose from {', '.join(METHODS)}")
-        _positive("fd_step", self.fd_step)
-        if not 0 <= _real("curvature", self.curvature) < 1:
+        positive("fd_step", self.fd_step)
+        if not 0 <= real_number("curvature", self.curvature) < 1:
             raise ModelError(f"curvature is {self.curvature!r}; give a number from 0, less than 1")
         _interval(self.determinant)
 
@@ -145,20 +145,8 @@ def without_additions(search: LineSearch, limits: Limits, estimate: Estimate) ->
     )
 
 
-def _real(name: str, value: Any) -> float:
-    try:
-        return float(value)
-    except UNFIT:
-        raise ModelError(f"{name} is {value!r}; give a number") from None
-
-
-def _positive(name: str, value: Any) -> None:
-    if not 0 < _real(name, value) < np.inf:
-        raise ModelError(f"{name} is {value!r}; give a positive number")
-
-
 def _fraction(name: str, value: Any) -> None:
-    if not 0 < _real(name, value) < 1:
+    if not 0 < real_number(name, value) < 1:
         raise ModelError(f"{name} is {value!r}; give a number between 0 and 1")
 
 
@@ -169,10 +157,7 @@ def _count(name: str, value: Any) -> int:
 
 
 def _interval(determinant: Sequence[float]) -> tuple[float, float]:
-    try:
-        low, high = (float(v) for v in determinant)
-    except UNFIT:
-        raise ModelError("determinant must be a pair of numbers, least and largest ratio") from None
+    low, high = real_array("determinant", determinant, (2,), "give the least and the largest ratio")
     if not 0 <= low < high:
         raise ModelError(f"determinant is ({low:g}, {high:g}); the first must be the smaller one and not negative")
     return low, high

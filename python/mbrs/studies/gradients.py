@@ -23,6 +23,12 @@ if TYPE_CHECKING:
 
 # A derivative that differs from the differences by less than this many times their own error is confirmed.
 _FACTOR = 10.0
+# Largest relative difference that is confirmed though the differences claim less. Larger: wrong derivatives pass; smaller: rounding of
+# the analysis refuses right ones.
+_NOISE = 1e-7
+# Step of the differences over the value of the parameter, and the value that 0 counts as, in the parameter's unit. Larger: what bends is
+# not told from what is wrong; smaller: rounding hides it. Pinned by tests/gradients/test_check_gradients.py.
+_STEP, _OF_ZERO = 1e-4, 1e-3
 
 
 @result
@@ -123,7 +129,7 @@ def check_gradients(
         difference=columns[1],
         error=columns[2],
         noise=columns[3],
-        ok=columns[2] <= np.maximum(_FACTOR * columns[3], 1e-7),
+        ok=columns[2] <= np.maximum(_FACTOR * columns[3], _NOISE),
         stats=Stats(time.perf_counter() - start, {"analyses": 1 + 4 * along.n}, (), "central differences"),
     )
 
@@ -156,7 +162,7 @@ def _one(
     now = m.value(label)
     if np.ndim(now) != 0:
         raise ModelError(f"{label!r} is not a single number; check one of its entries")
-    h = 1e-4 * max(abs(float(now)), 1e-3)
+    h = _STEP * (abs(float(now)) or _OF_ZERO)
 
     def difference(step: float) -> np.ndarray:
         ends = []

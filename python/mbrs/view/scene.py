@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from .._lib.checks import real_array
 from ..errors import ModelError
 
 __all__ = ["BodyGeometry", "JointGeometry", "LinkGeometry", "LoadGeometry", "SceneGeometry", "Solid"]
@@ -241,10 +242,7 @@ class SceneGeometry:
 
 
 def _finite(value: Any, shape: tuple[int, ...], what: str) -> np.ndarray:
-    value = np.asarray(value, dtype=float)
-    if value.shape != shape or not np.all(np.isfinite(value)):
-        raise ModelError(f"the {what} must be {shape} finite numbers, got shape {value.shape}")
-    return value
+    return real_array(f"the {what}", value, shape)
 
 
 def _direction(value: Any, what: str) -> np.ndarray | None:
