@@ -60,5 +60,5 @@ def test_what_is_no_state_space_in_continuous_time():
             mb.StateSpace.from_scipy(wrong)
         with pytest.raises(ModelError, match="linear system"):
             mb.StateSpace.from_control(wrong)
-    with pytest.raises(ModelError, match="real and finite"):
+    with pytest.raises(ModelError, match="must hold real numbers and is complex"):
         mb.StateSpace.from_scipy(scipy.signal.StateSpace(1j * eye, eye, eye, eye))

@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 
 from ..errors import ModelError
-from .border import require_memory
 
 # what Python and NumPy raise for values that cannot be numbers of the wanted kind
 UNFIT = (TypeError, ValueError, OverflowError)
@@ -153,6 +152,8 @@ def _numbers(name: str, value: Any, kind: type, give: str) -> np.ndarray:
     array = _read(value)
     is_complex = array.dtype.kind == "c" and kind is float
     if array.size > _LARGE:
+        from .border import require_memory  # the core; drawing a model does without it
+
         require_memory(2.0 * array.size * np.dtype(kind).itemsize, f"{name} of {array.size} numbers", "give fewer")
     if array.dtype.kind in "biufcO" and not is_complex:
         try:

@@ -7,6 +7,7 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::time::Duration;
 
 use faer::MatRef;
+use numpy::ndarray::{Array2, ShapeBuilder};
 use numpy::{Complex64, PyArray1, PyArray2, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::create_exception;
 use pyo3::exceptions::{PyException, PyKeyboardInterrupt};
@@ -310,6 +311,12 @@ impl<'py> IntoPyObject<'py> for Counts {
     fn into_pyobject(self, py: Python<'py>) -> PyResult<Self::Output> {
         counts_dict(py, &self)
     }
+}
+
+/// A matrix whose memory goes to Python, column by column, without a copy.
+pub fn moved(m: nalgebra::DMatrix<f64>) -> PyResult<Array2<f64>> {
+    let shape = m.shape();
+    Array2::from_shape_vec(shape.f(), m.data.into()).map_err(|e| Error::model(e.to_string()).into())
 }
 
 pub fn to_numpy<'py>(py: Python<'py>, m: MatRef<'_, f64>) -> Bound<'py, PyArray2<f64>> {

@@ -27,7 +27,7 @@ use crate::multibody::placement::{State, advance, place};
 use crate::run::{Cancel, Counts};
 use crate::tolerances::coordinates::UNIT_QUATERNION;
 
-use super::border::{counts_dict, guarded, interruptible};
+use super::border::{counts_dict, guarded, interruptible, moved};
 use super::law_places;
 use super::second_order::PySecondOrder;
 use super::strains;
@@ -152,13 +152,6 @@ pub fn array(m: &nalgebra::DMatrix<f64>) -> Array2<f64> {
     let shape = m.shape();
     Array2::from_shape_vec(shape.f(), m.as_slice().to_vec())
         .unwrap_or_else(|_| Array2::from_shape_fn(shape, |(i, j)| m[(i, j)]))
-}
-
-/// The memory itself.
-fn moved(m: nalgebra::DMatrix<f64>) -> PyResult<Array2<f64>> {
-    use numpy::ndarray::ShapeBuilder;
-    let shape = m.shape();
-    Array2::from_shape_vec(shape.f(), m.data.into()).map_err(|e| Error::model(e.to_string()).into())
 }
 
 fn put_parts(out: &Bound<'_, PyDict>, lin: &Linearization, parts: &Parts) -> PyResult<()> {
