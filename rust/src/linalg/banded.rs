@@ -2,6 +2,7 @@
 //!
 //! Without pivots, so that all lanes do the same; a leading block may be near its own resonance then, and what an elimination has lost
 //! shows in the residual, is corrected, and is told where it cannot be.
+use super::widest::widest;
 use crate::tolerances::matrices::BACKWARD;
 
 /// Frequencies at once.
@@ -163,7 +164,7 @@ impl Band {
     pub fn factored(&self, w: &Reals) -> Factored {
         let mut z: Vec<Lanes> = self.entry.iter().map(|e| Lanes::dynamic(*e, w)).collect();
         let kept = z.clone();
-        wide(Work::Factorise { lu: &mut z, n: self.n, half: self.half });
+        widest!(|_| factorise(&mut z, self.n, self.half));
         Factored { n: self.n, half: self.half, z: kept, lu: z }
     }
 }
@@ -241,7 +242,7 @@ impl Factored {
         self.substitute(&mut x, columns);
         for pass in 0..=CORRECTIONS {
             left = [0.0; LANES];
-            wide(Work::Residual { own: self, columns, f, x: &x, residual: &mut residual, left: &mut left });
+            widest!(|_| remainder(self, columns, f, &x, &mut residual, &mut left));
             if pass == CORRECTIONS || left.iter().all(|l| *l == 0.0) {
                 break;
             }
@@ -252,7 +253,7 @@ impl Factored {
     }
 
     fn substitute(&self, x: &mut [Lanes], columns: usize) {
-        wide(Work::Substitute { own: self, columns, x });
+        widest!(|_| substitute(self, columns, x));
     }
 
     /// Squares of the Frobenius norm of Z.
@@ -270,52 +271,6 @@ pub fn squares(x: &[Lanes]) -> Reals {
         }
     }
     out
-}
-
-/// What is worth the widest instructions of this processor; every processor gives the same bits.
-enum Work<'a> {
-    Factorise {
-        lu: &'a mut [Lanes],
-        n: usize,
-        half: usize,
-    },
-    Substitute {
-        own: &'a Factored,
-        columns: usize,
-        x: &'a mut [Lanes],
-    },
-    Residual {
-        own: &'a Factored,
-        columns: usize,
-        f: &'a [Lanes],
-        x: &'a [Lanes],
-        residual: &'a mut [Lanes],
-        left: &'a mut Reals,
-    },
-}
-
-fn wide(work: Work<'_>) {
-    #[cfg(target_arch = "x86_64")]
-    if is_x86_feature_detected!("avx2") {
-        // SAFETY: the processor has the instructions.
-        return unsafe { wide_avx2(work) };
-    }
-    run(work);
-}
-
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2")]
-fn wide_avx2(work: Work<'_>) {
-    run(work);
-}
-
-#[inline(always)]
-fn run(work: Work<'_>) {
-    match work {
-        Work::Factorise { lu, n, half } => factorise(lu, n, half),
-        Work::Substitute { own, columns, x } => substitute(own, columns, x),
-        Work::Residual { own, columns, f, x, residual, left } => remainder(own, columns, f, x, residual, left),
-    }
 }
 
 #[inline(always)]

@@ -19,3 +19,4 @@ pub mod rows;
 pub mod small_lu;
 pub mod sparse;
 pub mod symmetric;
+pub mod widest;
