@@ -76,7 +76,7 @@ impl Lanes {
     }
 
     #[inline(always)]
-    fn inverse(&self) -> Lanes {
+    pub fn inverse(&self) -> Lanes {
         let mut out = Lanes::ZERO;
         for l in 0..LANES {
             let part = 1.0 / (self.re[l] * self.re[l] + self.im[l] * self.im[l]);
@@ -160,9 +160,67 @@ impl Band {
         (self.n * (self.half + 1) * (self.half + 1), 2 * self.n * (2 * self.half + 1))
     }
 
+    /// S + s D + s^2 M, by rows.
+    pub fn at(&self, s: &Lanes) -> Vec<Lanes> {
+        let square = s.times(s);
+        self.each(|[m, d, stiffness]| {
+            let mut z = Lanes::real(stiffness);
+            z.add_scaled(d, s);
+            z.add_scaled(m, &square);
+            z
+        })
+    }
+
+    /// D + 2 s M, by rows.
+    pub fn slopes_at(&self, s: &Lanes) -> Vec<Lanes> {
+        self.each(|[m, d, _]| {
+            let mut z = Lanes::real(d);
+            z.add_scaled(2.0 * m, s);
+            z
+        })
+    }
+
+    /// M, by rows.
+    pub fn masses(&self) -> Vec<Lanes> {
+        self.each(|[m, ..]| Lanes::real(m))
+    }
+
+    /// D M^-1 S - S M^-1 D of symmetric matrices at a vector that sees all of them, over the size of its terms: zero where the modes without
+    /// damping are those with it.
+    pub fn commutator(&self) -> f64 {
+        let vector: Vec<Lanes> = (0..self.n).map(|i| Lanes::real((2.399_963 * i as f64).sin() + 1.5)).collect();
+        let mut masses = Factored { n: self.n, half: self.half, z: self.masses(), lu: self.masses() };
+        widest!(|_| factorise(&mut masses.lu, self.n, self.half));
+        let after = |first: usize, second: usize| {
+            let x = masses.solve(&self.times(first, &vector)).x;
+            self.times(second, &x)
+        };
+        let (one, other) = (after(1, 2), after(2, 1));
+        let apart = |(a, b): (&Lanes, &Lanes)| (a.re[0] - b.re[0]).powi(2);
+        let left: f64 = one.iter().zip(&other).map(apart).sum();
+        (left / (squares(&one)[0] + squares(&other)[0])).sqrt()
+    }
+
+    /// A product with M, D or S.
+    fn times(&self, part: usize, x: &[Lanes]) -> Vec<Lanes> {
+        let (n, half) = (self.n, self.half);
+        let row = |i: usize| {
+            let mut sum = Lanes::ZERO;
+            for j in i.saturating_sub(half)..=(i + half).min(n - 1) {
+                sum.add_scaled(self.entry[i * (2 * half + 1) + half + j - i][part], &x[j]);
+            }
+            sum
+        };
+        (0..n).map(row).collect()
+    }
+
+    fn each(&self, of: impl Fn([f64; 3]) -> Lanes) -> Vec<Lanes> {
+        self.entry.iter().map(|e| of(*e)).collect()
+    }
+
     /// Z at these frequencies.
     pub fn factored(&self, w: &Reals) -> Factored {
-        let mut z: Vec<Lanes> = self.entry.iter().map(|e| Lanes::dynamic(*e, w)).collect();
+        let mut z = self.each(|e| Lanes::dynamic(e, w));
         let kept = z.clone();
         widest!(|_| factorise(&mut z, self.n, self.half));
         Factored { n: self.n, half: self.half, z: kept, lu: z }
@@ -273,6 +331,7 @@ pub fn squares(x: &[Lanes]) -> Reals {
     out
 }
 
+/// L and U in place of Z, see `Factored`.
 #[inline(always)]
 fn factorise(lu: &mut [Lanes], n: usize, half: usize) {
     let width = 2 * half + 1;
