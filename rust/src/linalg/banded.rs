@@ -3,12 +3,10 @@
 //! Without pivots, so that all lanes do the same; a leading block may be near its own resonance then, and what an elimination has lost
 //! shows in the residual, is corrected, and is told where it cannot be.
 use super::widest::widest;
-use crate::tolerances::matrices::BACKWARD;
+use crate::tolerances::matrices::{BACKWARD, CORRECTIONS};
 
 /// Frequencies at once.
 pub const LANES: usize = 8;
-/// Corrections of a solution.
-const CORRECTIONS: usize = 2;
 
 /// One number for each lane.
 pub type Reals = [f64; LANES];
@@ -206,9 +204,9 @@ impl Band {
         let (n, half) = (self.n, self.half);
         let row = |i: usize| {
             let mut sum = Lanes::ZERO;
-            for j in i.saturating_sub(half)..=(i + half).min(n - 1) {
-                sum.add_scaled(self.entry[i * (2 * half + 1) + half + j - i][part], &x[j]);
-            }
+            let (from, to) = (i.saturating_sub(half), (i + half).min(n - 1));
+            let entries = &self.entry[i * (2 * half + 1) + half + from - i..];
+            entries.iter().zip(&x[from..=to]).for_each(|(e, x)| sum.add_scaled(e[part], x));
             sum
         };
         (0..n).map(row).collect()

@@ -20,11 +20,10 @@ use crate::linalg::hessenberg::Hessenberg;
 use crate::linalg::quadratic::{Factored, NormalForm};
 use crate::run::{Cancel, Counts};
 use crate::tolerances::frequency_response::{
-    ACCEPTED, ALL_MODES, BAND_FIRST, FEW, MOST_PORTS, SAME_POLE, SLOWEST_CHECK, WORST_ACCEPTED, ZERO_ENTRY,
+    ACCEPTED, ALL_MODES, BAND_FIRST, FEW, MOST_PORTS, SAME_POLE, SLOWEST_CHECK, WORST_ACCEPTED, WORST_VECTORS,
+    ZERO_ENTRY,
 };
 
-/// Complex modes with worse conditioned vectors are not worth a check.
-const WORST_VECTORS: f64 = 1e7;
 /// Corrections of a direct solution.
 const REFINEMENTS: usize = 3;
 

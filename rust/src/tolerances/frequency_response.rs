@@ -31,6 +31,11 @@ pub const NARROW: f64 = 1.0 / 16.0;
 /// Pinned by `bands_go_before_modes_for_several_ports`.
 pub const BAND_FIRST: f64 = 2.0;
 
+/// Condition of the vectors of complex modes from which on sums over them are not worth a check. Larger: sums that lose their digits are
+/// tried in vain. Smaller: responses and transfer functions of many ports take slower routes. Only speed depends on it, but for a sum that
+/// is asked for by `modes=`, which is refused there.
+pub const WORST_VECTORS: f64 = 1e7;
+
 /// Products of a band in the time in which all modes of a damped system are found, over the cube of the number of coordinates. Larger: very
 /// many frequencies of a few ports take longer than by modes. Smaller: modes are found for a few hundred frequencies.
 /// Pinned by `modes_are_worth_their_time_for_very_many_frequencies`.

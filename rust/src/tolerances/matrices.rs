@@ -44,6 +44,10 @@ pub const QUASI_DEFINITE: f64 = 1e-7;
 /// Pinned by `random_systems_are_solved_as_by_dense_factorisation`.
 pub const BACKWARD: f64 = 1e-15;
 
+/// Corrections of a solution of a band without pivots, by its residual. Larger: frequencies at which leading blocks are singular, which no
+/// correction helps, cost more. Smaller: many others go to direct solutions. Only speed depends on it.
+pub const CORRECTIONS: usize = 2;
+
 /// A root moves no more when its step was below this part of its size; what is left of a single root is its square then. Larger: roots that
 /// lie on each other stop short of their digits. Smaller: rounding moves roots for ever, and the slow route answers.
 pub const SETTLED: f64 = 1e-12;
