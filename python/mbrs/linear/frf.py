@@ -212,8 +212,8 @@ def frf(
     -----
     Equations: docs/theory.md (7.1) to (7.3).
     Cost: O(n^3) once for a set of matrices (kept for later calls), then O(n) per entry and frequency for well
-    conditioned modes, O(n b^2) per frequency for matrices of a narrow half-bandwidth b in some order (chains), O(n^2)
-    otherwise. Sparse systems of more than 400 coordinates stay sparse: one
+    conditioned modes, O(n b^2) per frequency for matrices of a narrow half-bandwidth b in some order (chains; damped ones
+    need no modes then, their poles take O(n^2 b^2)), O(n^2) otherwise. Sparse systems of more than 400 coordinates stay sparse: one
     factorisation per frequency; poles are then known as far as the range or the points reach.
 
     Examples

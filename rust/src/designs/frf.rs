@@ -57,7 +57,7 @@ impl Plan {
         let ports = body.ports(asked);
         let found = system.evaluate(&ports, &asked.omega, None, true, cancel)?;
         let poles = system.poles(&mut Counts::default()).unwrap_or_default();
-        let suspects = unseen(&poles, &asked.omega);
+        let suspects = unseen(poles, &asked.omega);
         let peaks = match suspects.is_empty() {
             true => Vec::new(),
             false => system.evaluate(&ports, &suspects, None, false, cancel)?.h,

@@ -7,7 +7,7 @@ use super::detour::{Approach, Detour, Passage, again, passage};
 use super::watch::{Mark, Seen, Watch};
 use super::way::{Aim, Uncounted, Verdict, Way, active};
 use super::{Equations, Instant, LocalError, Motion, Scheme, Step};
-use crate::tolerances::singular_poses::{FARTHEST_CROSSING, NEAREST_CROSSING};
+use crate::tolerances::singular_poses::{FARTHEST_CROSSING, LATER, NEAREST_CROSSING};
 use crate::tolerances::steps::{BEFORE_BREAK, FINEST_CROSSING, ON_GRID, SAME_INSTANT, SAME_LENGTH};
 
 pub use super::plan::{End, Output, Plan, Progress, Run, Steps};
@@ -18,8 +18,6 @@ const GROW: f64 = 3.0;
 const FADING: f64 = 0.3;
 /// Rates count at least as if the motion took this part of the characteristic length: what starts from rest has none.
 const SLOWEST: f64 = 1e-3;
-/// A pose that is not passed by the next step is looked for again after this part of the way to it.
-const LATER: f64 = 0.15;
 const MAX_FAILURES: usize = 60;
 /// Local errors of one step below so many times the rounding of a pose are rounding themselves, where only a part of the tolerance
 /// is theirs: estimates divide differences of rates by the step, and no shorter one makes them smaller.

@@ -8,6 +8,7 @@ use nalgebra::DVector;
 use crate::error::Result;
 use crate::multibody::topology::Purpose;
 use crate::run::Counts;
+use crate::tolerances::singular_poses::FAR;
 
 use super::{Equations, Instant, Motion, scaled_size};
 
@@ -16,8 +17,6 @@ const LOOKS: usize = 4;
 const PART: f64 = 0.7;
 /// First look ahead, over the distance that the hold allows.
 const FIRST_LOOK: f64 = 0.1;
-/// A pose that seems farther than what matters by this factor is not looked for any closer.
-const FAR: f64 = 3.0;
 /// How far behind a pose drives are tried, over the time to it.
 const BEYOND: f64 = 4.0;
 /// Rows and coordinates with so large a part of the largest in what is lost are named.

@@ -2,12 +2,11 @@
 //!
 //! Without pivots, so that all lanes do the same; a leading block may be near its own resonance then, and what an elimination has lost
 //! shows in the residual, is corrected, and is told where it cannot be.
-use crate::tolerances::matrices::BACKWARD;
+use super::widest::widest;
+use crate::tolerances::matrices::{BACKWARD, CORRECTIONS};
 
 /// Frequencies at once.
 pub const LANES: usize = 8;
-/// Corrections of a solution.
-const CORRECTIONS: usize = 2;
 
 /// One number for each lane.
 pub type Reals = [f64; LANES];
@@ -75,7 +74,7 @@ impl Lanes {
     }
 
     #[inline(always)]
-    fn inverse(&self) -> Lanes {
+    pub fn inverse(&self) -> Lanes {
         let mut out = Lanes::ZERO;
         for l in 0..LANES {
             let part = 1.0 / (self.re[l] * self.re[l] + self.im[l] * self.im[l]);
@@ -159,11 +158,69 @@ impl Band {
         (self.n * (self.half + 1) * (self.half + 1), 2 * self.n * (2 * self.half + 1))
     }
 
+    /// S + s D + s^2 M, by rows.
+    pub fn at(&self, s: &Lanes) -> Vec<Lanes> {
+        let square = s.times(s);
+        self.each(|[m, d, stiffness]| {
+            let mut z = Lanes::real(stiffness);
+            z.add_scaled(d, s);
+            z.add_scaled(m, &square);
+            z
+        })
+    }
+
+    /// D + 2 s M, by rows.
+    pub fn slopes_at(&self, s: &Lanes) -> Vec<Lanes> {
+        self.each(|[m, d, _]| {
+            let mut z = Lanes::real(d);
+            z.add_scaled(2.0 * m, s);
+            z
+        })
+    }
+
+    /// M, by rows.
+    pub fn masses(&self) -> Vec<Lanes> {
+        self.each(|[m, ..]| Lanes::real(m))
+    }
+
+    /// D M^-1 S - S M^-1 D of symmetric matrices at a vector that sees all of them, over the size of its terms: zero where the modes without
+    /// damping are those with it.
+    pub fn commutator(&self) -> f64 {
+        let vector: Vec<Lanes> = (0..self.n).map(|i| Lanes::real((2.399_963 * i as f64).sin() + 1.5)).collect();
+        let mut masses = Factored { n: self.n, half: self.half, z: self.masses(), lu: self.masses() };
+        widest!(|_| factorise(&mut masses.lu, self.n, self.half));
+        let after = |first: usize, second: usize| {
+            let x = masses.solve(&self.times(first, &vector)).x;
+            self.times(second, &x)
+        };
+        let (one, other) = (after(1, 2), after(2, 1));
+        let apart = |(a, b): (&Lanes, &Lanes)| (a.re[0] - b.re[0]).powi(2);
+        let left: f64 = one.iter().zip(&other).map(apart).sum();
+        (left / (squares(&one)[0] + squares(&other)[0])).sqrt()
+    }
+
+    /// A product with M, D or S.
+    fn times(&self, part: usize, x: &[Lanes]) -> Vec<Lanes> {
+        let (n, half) = (self.n, self.half);
+        let row = |i: usize| {
+            let mut sum = Lanes::ZERO;
+            let (from, to) = (i.saturating_sub(half), (i + half).min(n - 1));
+            let entries = &self.entry[i * (2 * half + 1) + half + from - i..];
+            entries.iter().zip(&x[from..=to]).for_each(|(e, x)| sum.add_scaled(e[part], x));
+            sum
+        };
+        (0..n).map(row).collect()
+    }
+
+    fn each(&self, of: impl Fn([f64; 3]) -> Lanes) -> Vec<Lanes> {
+        self.entry.iter().map(|e| of(*e)).collect()
+    }
+
     /// Z at these frequencies.
     pub fn factored(&self, w: &Reals) -> Factored {
-        let mut z: Vec<Lanes> = self.entry.iter().map(|e| Lanes::dynamic(*e, w)).collect();
+        let mut z = self.each(|e| Lanes::dynamic(e, w));
         let kept = z.clone();
-        wide(Work::Factorise { lu: &mut z, n: self.n, half: self.half });
+        widest!(|_| factorise(&mut z, self.n, self.half));
         Factored { n: self.n, half: self.half, z: kept, lu: z }
     }
 }
@@ -241,7 +298,7 @@ impl Factored {
         self.substitute(&mut x, columns);
         for pass in 0..=CORRECTIONS {
             left = [0.0; LANES];
-            wide(Work::Residual { own: self, columns, f, x: &x, residual: &mut residual, left: &mut left });
+            widest!(|_| remainder(self, columns, f, &x, &mut residual, &mut left));
             if pass == CORRECTIONS || left.iter().all(|l| *l == 0.0) {
                 break;
             }
@@ -252,7 +309,7 @@ impl Factored {
     }
 
     fn substitute(&self, x: &mut [Lanes], columns: usize) {
-        wide(Work::Substitute { own: self, columns, x });
+        widest!(|_| substitute(self, columns, x));
     }
 
     /// Squares of the Frobenius norm of Z.
@@ -272,52 +329,7 @@ pub fn squares(x: &[Lanes]) -> Reals {
     out
 }
 
-/// What is worth the widest instructions of this processor; every processor gives the same bits.
-enum Work<'a> {
-    Factorise {
-        lu: &'a mut [Lanes],
-        n: usize,
-        half: usize,
-    },
-    Substitute {
-        own: &'a Factored,
-        columns: usize,
-        x: &'a mut [Lanes],
-    },
-    Residual {
-        own: &'a Factored,
-        columns: usize,
-        f: &'a [Lanes],
-        x: &'a [Lanes],
-        residual: &'a mut [Lanes],
-        left: &'a mut Reals,
-    },
-}
-
-fn wide(work: Work<'_>) {
-    #[cfg(target_arch = "x86_64")]
-    if is_x86_feature_detected!("avx2") {
-        // SAFETY: the processor has the instructions.
-        return unsafe { wide_avx2(work) };
-    }
-    run(work);
-}
-
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2")]
-fn wide_avx2(work: Work<'_>) {
-    run(work);
-}
-
-#[inline(always)]
-fn run(work: Work<'_>) {
-    match work {
-        Work::Factorise { lu, n, half } => factorise(lu, n, half),
-        Work::Substitute { own, columns, x } => substitute(own, columns, x),
-        Work::Residual { own, columns, f, x, residual, left } => remainder(own, columns, f, x, residual, left),
-    }
-}
-
+/// L and U in place of Z, see `Factored`.
 #[inline(always)]
 fn factorise(lu: &mut [Lanes], n: usize, half: usize) {
     let width = 2 * half + 1;

@@ -4,6 +4,8 @@
 //! x86-64 target would turn into a library call, so that the loops over columns stay vectorisable.
 use faer::{Col, MatRef};
 
+use super::widest::widest;
+
 /// An unevaluated sum `hi + lo`.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Dd {
@@ -102,7 +104,10 @@ impl Sums {
     pub fn add_product(&mut self, a: MatRef<'_, f64>, x: impl Fn(usize) -> f64) {
         for j in (0..a.ncols()).filter(|&j| x(j) != 0.0) {
             match a.col(j).try_as_col_major() {
-                Some(column) => add_scaled(&mut self.hi, &mut self.lo, column.as_slice(), x(j)),
+                Some(column) => {
+                    let a = column.as_slice();
+                    widest!(|_| add_scaled(&mut self.hi, &mut self.lo, a, x(j)))
+                }
                 None => {
                     for i in 0..a.nrows() {
                         let mut sum = Dd { hi: self.hi[i], lo: self.lo[i] };
@@ -118,10 +123,15 @@ impl Sums {
     fn inner_products(a: MatRef<'_, f64>, x: &[f64]) -> Self {
         let mut sums = Sums::zeros(a.ncols());
         for j in 0..a.ncols() {
-            let sum = match a.col(j).try_as_col_major() {
-                Some(column) => inner_product(column.as_slice(), x),
-                None => inner_product(&a.col(j).iter().copied().collect::<Vec<f64>>(), x),
+            let copied: Vec<f64>;
+            let column = match a.col(j).try_as_col_major() {
+                Some(column) => column.as_slice(),
+                None => {
+                    copied = a.col(j).iter().copied().collect();
+                    &copied
+                }
             };
+            let sum = widest!(|_| inner_product(column, x));
             (sums.hi[j], sums.lo[j]) = (sum.hi, sum.lo);
         }
         sums
@@ -132,24 +142,9 @@ impl Sums {
     }
 }
 
-/// `hi + lo += x a`, with the widest instructions of this processor; every processor gives the same bits.
-fn add_scaled(hi: &mut [f64], lo: &mut [f64], a: &[f64], x: f64) {
-    #[cfg(target_arch = "x86_64")]
-    if is_x86_feature_detected!("avx2") {
-        // SAFETY: the processor has the instructions.
-        return unsafe { add_scaled_avx2(hi, lo, a, x) };
-    }
-    add_scaled_by(hi, lo, a, x);
-}
-
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2")]
-fn add_scaled_avx2(hi: &mut [f64], lo: &mut [f64], a: &[f64], x: f64) {
-    add_scaled_by(hi, lo, a, x);
-}
-
+/// `hi + lo += x a`; every processor gives the same bits.
 #[inline(always)]
-fn add_scaled_by(hi: &mut [f64], lo: &mut [f64], a: &[f64], x: f64) {
+fn add_scaled(hi: &mut [f64], lo: &mut [f64], a: &[f64], x: f64) {
     for ((hi, lo), &a) in hi.iter_mut().zip(lo.iter_mut()).zip(a) {
         let mut sum = Dd { hi: *hi, lo: *lo };
         sum.add_product(a, x);
@@ -160,24 +155,9 @@ fn add_scaled_by(hi: &mut [f64], lo: &mut [f64], a: &[f64], x: f64) {
 /// Numbers that the sums of one product are spread over.
 const LANES: usize = 8;
 
-/// a^T x with the sums of `LANES` interleaved parts, added up at the end.
-fn inner_product(a: &[f64], x: &[f64]) -> Dd {
-    #[cfg(target_arch = "x86_64")]
-    if is_x86_feature_detected!("avx2") {
-        // SAFETY: the processor has the instructions.
-        return unsafe { inner_product_avx2(a, x) };
-    }
-    inner_product_by(a, x)
-}
-
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2")]
-fn inner_product_avx2(a: &[f64], x: &[f64]) -> Dd {
-    inner_product_by(a, x)
-}
-
+/// a^T x with the sums of `LANES` interleaved parts, added up at the end; every processor gives the same bits.
 #[inline(always)]
-fn inner_product_by(a: &[f64], x: &[f64]) -> Dd {
+fn inner_product(a: &[f64], x: &[f64]) -> Dd {
     let (mut hi, mut lo) = ([0.0; LANES], [0.0; LANES]);
     let (whole, parts) = (a.chunks_exact(LANES), x.chunks_exact(LANES));
     let rest = whole.remainder().iter().zip(parts.remainder());

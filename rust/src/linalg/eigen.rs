@@ -18,6 +18,11 @@ pub fn symmetric(a: MatRef<'_, f64>) -> Result<(Vec<f64>, Mat<f64>)> {
     Ok((values, eigen.U().to_owned()))
 }
 
+/// Eigenvalues in ascending order.
+pub fn symmetric_values(a: MatRef<'_, f64>) -> Result<Vec<f64>> {
+    a.self_adjoint_eigenvalues(Side::Lower).map_err(|_| no_convergence("symmetric", a.nrows()))
+}
+
 pub fn hermitian(a: MatRef<'_, C>) -> Result<(Vec<f64>, Mat<C>)> {
     if a.nrows() == 0 {
         return Ok((Vec::new(), Mat::zeros(0, 0)));

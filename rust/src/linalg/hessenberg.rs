@@ -7,6 +7,8 @@ use faer::linalg::evd::hessenberg::{hessenberg_in_place, hessenberg_in_place_scr
 use faer::linalg::householder;
 use faer::{Conj, Mat, MatMut, MatRef, Par, c64};
 
+use super::widest::widest;
+
 pub struct Hessenberg {
     n: usize,
     /// row-major upper Hessenberg matrix
@@ -30,11 +32,11 @@ impl Rows {
 
 /// y -= a x on split complex vectors.
 #[inline(always)]
-fn subtract<const FUSED: bool>(y_re: &mut [f64], y_im: &mut [f64], a: c64, x_re: &[f64], x_im: &[f64]) {
+fn subtract(y_re: &mut [f64], y_im: &mut [f64], a: c64, x_re: &[f64], x_im: &[f64], fused: bool) {
     let len = y_re.len();
     let (y_im, x_re, x_im) = (&mut y_im[..len], &x_re[..len], &x_im[..len]);
     for i in 0..len {
-        if FUSED {
+        if fused {
             y_re[i] = (-a.re).mul_add(x_re[i], a.im.mul_add(x_im[i], y_re[i]));
             y_im[i] = (-a.re).mul_add(x_im[i], (-a.im).mul_add(x_re[i], y_im[i]));
         } else {
@@ -80,23 +82,11 @@ impl Hessenberg {
 
     /// C (s I - A)^-1 B from `cq` = C Q and `qb` = Q^T B. None where s is an eigenvalue to working precision.
     pub fn transfer(&self, s: c64, cq: MatRef<'_, f64>, qb: MatRef<'_, f64>) -> Option<Mat<c64>> {
-        // wheels target the oldest x86-64; the loops are four times faster where the processor can do more
-        #[cfg(target_arch = "x86_64")]
-        if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma") {
-            // SAFETY: the processor has just been asked for both features
-            return unsafe { self.sweep_avx2(s, cq, qb) };
-        }
-        self.sweep::<false>(s, cq, qb)
-    }
-
-    #[cfg(target_arch = "x86_64")]
-    #[target_feature(enable = "avx2,fma")]
-    fn sweep_avx2(&self, s: c64, cq: MatRef<'_, f64>, qb: MatRef<'_, f64>) -> Option<Mat<c64>> {
-        self.sweep::<true>(s, cq, qb)
+        widest!(|fused| self.sweep(s, cq, qb, fused))
     }
 
     #[inline(always)]
-    fn sweep<const FUSED: bool>(&self, s: c64, cq: MatRef<'_, f64>, qb: MatRef<'_, f64>) -> Option<Mat<c64>> {
+    fn sweep(&self, s: c64, cq: MatRef<'_, f64>, qb: MatRef<'_, f64>, fused: bool) -> Option<Mat<c64>> {
         let (n, n_out, n_in) = (self.n, cq.nrows(), qb.ncols());
         let tiny = f64::EPSILON * (self.norm + s.norm());
         let mut c = Rows::new(n_out, n);
@@ -128,12 +118,13 @@ impl Hessenberg {
             }
             if k + 1 < n {
                 let factor = c64::new(next_re[k], next_im[k]) / pivot;
-                subtract::<FUSED>(
+                subtract(
                     &mut next_re[k + 1..],
                     &mut next_im[k + 1..],
                     factor,
                     &row_re[k + 1..],
                     &row_im[k + 1..],
+                    fused,
                 );
                 for (low, top) in b_next.iter_mut().zip(&b) {
                     *low -= factor * top;
@@ -143,13 +134,7 @@ impl Hessenberg {
                 let at = o * c.n + k;
                 let y = c64::new(c.re[at], c.im[at]) / pivot;
                 let end = (o + 1) * c.n;
-                subtract::<FUSED>(
-                    &mut c.re[at + 1..end],
-                    &mut c.im[at + 1..end],
-                    y,
-                    &row_re[k + 1..],
-                    &row_im[k + 1..],
-                );
+                subtract(&mut c.re[at + 1..end], &mut c.im[at + 1..end], y, &row_re[k + 1..], &row_im[k + 1..], fused);
                 for (j, value) in b.iter().enumerate() {
                     out[(o, j)] += y * value;
                 }

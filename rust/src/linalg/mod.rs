@@ -1,6 +1,7 @@
 //! Dense and sparse linear algebra that faer does not bring ready-made.
 pub mod balance;
 pub mod banded;
+pub mod banded_roots;
 pub mod dense;
 pub mod double_double;
 pub mod eigen;
@@ -19,3 +20,4 @@ pub mod rows;
 pub mod small_lu;
 pub mod sparse;
 pub mod symmetric;
+pub mod widest;

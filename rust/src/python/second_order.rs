@@ -143,7 +143,7 @@ impl PySecondOrder {
         frf::fits(&self.0)?;
         let (poles, counts) = self.run(py, |system| {
             let mut counts = Counts::default();
-            Ok((system.poles(&mut counts), counts))
+            Ok((system.poles(&mut counts).map(|poles| poles.to_vec()), counts))
         })?;
         Ok((poles.map(|p| p.into_pyarray(py)), counts))
     }

@@ -80,10 +80,10 @@ impl Expansion {
     }
 
     /// All 2n poles in rad/s.
-    pub fn poles(&self) -> Option<Vec<c64>> {
+    pub fn poles(&self) -> Option<&[c64]> {
         match self {
-            Expansion::Real(modes) => Some(modes.pole.clone()),
-            Expansion::Complex(modes) => Some(modes.pole.clone()),
+            Expansion::Real(modes) => Some(&modes.pole),
+            Expansion::Complex(modes) => Some(&modes.pole),
             Expansion::None => None,
         }
     }

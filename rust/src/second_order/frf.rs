@@ -2,7 +2,7 @@
 //!
 //! Reduced once, then cheap per frequency, by the cheapest route that passes a check against refined direct solves:
 //! real modes (undamped or proportional) O(n) per entry, complex modes O(n), a band of half-width b O(n b^2) at all, Hessenberg O(n^2),
-//! direct O(n^3).
+//! direct O(n^3). Poles, which tell where to check and what points miss, are those of the modes but for damped bands (`frf_poles`).
 use std::sync::Arc;
 
 use faer::{Mat, c64};
@@ -20,11 +20,10 @@ use crate::linalg::hessenberg::Hessenberg;
 use crate::linalg::quadratic::{Factored, NormalForm};
 use crate::run::{Cancel, Counts};
 use crate::tolerances::frequency_response::{
-    ACCEPTED, BAND_FIRST, FEW, MOST_PORTS, SAME_POLE, SLOWEST_CHECK, WORST_ACCEPTED, ZERO_ENTRY,
+    ACCEPTED, ALL_MODES, BAND_FIRST, FEW, MOST_PORTS, SAME_POLE, SLOWEST_CHECK, WORST_ACCEPTED, WORST_VECTORS,
+    ZERO_ENTRY,
 };
 
-/// Complex modes with worse conditioned vectors are not worth a check.
-const WORST_VECTORS: f64 = 1e7;
 /// Corrections of a direct solution.
 const REFINEMENTS: usize = 3;
 
@@ -61,16 +60,16 @@ pub struct Values {
 }
 
 impl LinearSystem {
-    fn routes(&self, expansion: &Expansion, ports: &Ports) -> Vec<Route> {
+    /// After a band that goes before modes.
+    fn routes(&self, expansion: &Expansion, banded_first: bool, ports: &Ports) -> Vec<Route> {
         let mut routes = Vec::new();
         match expansion {
             Expansion::Real(_) => routes.push(Route::RealModes),
             Expansion::Complex(modes) if modes.condition < WORST_VECTORS => routes.push(Route::ComplexModes),
             _ => {}
         }
-        if let Some(band) = self.band() {
-            let before = banded_first(band, expansion, ports);
-            routes.insert(if before { 0 } else { routes.len() }, Route::Banded);
+        if !banded_first && self.band().is_some() {
+            routes.push(Route::Banded);
         }
         // per frequency 4 n^2 (1 + outputs) operations against n^3 of a factorisation that runs about eight times faster
         let worth_reducing = self.size() > 22 * (1 + ports.n_out());
@@ -99,8 +98,7 @@ impl LinearSystem {
             return Err(Error::model("omega contains NaN or infinite values"));
         }
         let mut counts = Counts::default();
-        let expansion = self.expansion(&mut counts);
-        let samples = if checked { samples(expansion, omega) } else { Vec::new() };
+        let samples = if checked { samples(self.poles(&mut counts), omega) } else { Vec::new() };
         let checks = self.references(ports, omega, &samples, &mut counts);
         let limit = accepted(&checks);
         let measured = |evaluator: &Evaluator<'_>| {
@@ -112,12 +110,12 @@ impl LinearSystem {
         };
         let (route, evaluator, error) = match keep {
             Some(keep) => {
-                let (route, evaluator) = self.truncated(expansion, ports, keep)?;
+                let (route, evaluator) = self.truncated(self.expansion(&mut counts), ports, keep)?;
                 let error = measured(&evaluator);
                 (route, evaluator, error)
             }
             None if omega.len() <= FEW && !checks.is_empty() => self.refined(ports, &checks),
-            None => self.cheapest(expansion, ports, &checks, measured, &mut counts),
+            None => self.cheapest(ports, omega.len(), &checks, measured, &mut counts),
         };
         counts.add("frequencies", omega.len() as u64);
         let (h, singular) = self.sweep(&evaluator, ports, omega, &mut counts, cancel)?;
@@ -126,20 +124,45 @@ impl LinearSystem {
 
     fn cheapest<'a>(
         &'a self,
-        expansion: &Expansion,
         ports: &'a Ports,
+        frequencies: usize,
         checks: &[Check<'_>],
         measured: impl Fn(&Evaluator<'_>) -> f64,
         counts: &mut Counts,
     ) -> (Route, Evaluator<'a>, f64) {
-        for route in self.routes(expansion, ports) {
-            let evaluator = self.prepare(route, expansion, ports, counts);
+        let good = |route: Route, evaluator: Evaluator<'a>| {
             let error = measured(&evaluator);
-            if error.is_nan() || error <= accepted(checks) {
-                return (route, evaluator, error);
-            }
+            (error.is_nan() || error <= accepted(checks)).then_some((route, evaluator, error))
+        };
+        let band = self.band().filter(|band| self.banded_first(band, ports, frequencies, counts));
+        if let Some(found) = band.and_then(|band| good(Route::Banded, self.banded(band, ports))) {
+            return found;
         }
-        self.refined(ports, checks)
+        let expansion = self.expansion(counts);
+        let mut routes = self.routes(expansion, band.is_some(), ports).into_iter();
+        let found = routes.find_map(|route| good(route, self.prepare(route, expansion, ports, counts)));
+        found.unwrap_or_else(|| self.refined(ports, checks))
+    }
+
+    /// Is a band worth a try before modes, which lose the digits of small entries far away?
+    fn banded_first(&self, band: &Band, ports: &Ports, frequencies: usize, counts: &mut Counts) -> bool {
+        let (factorisation, column) = band.products();
+        let own = (factorisation + column * ports.n_in()) as f64;
+        let entries = (band.size() * ports.n_out() * ports.n_in()) as f64;
+        if self.own_poles(counts).is_some() {
+            // there are no modes yet, which are complex
+            let modes = ALL_MODES * (band.size() as f64).powi(3);
+            return frequencies as f64 * (own - BAND_FIRST * 2.0 * entries) <= modes;
+        }
+        match self.expansion(counts) {
+            Expansion::Real(_) => own <= BAND_FIRST * entries,
+            Expansion::Complex(_) => own <= BAND_FIRST * 2.0 * entries,
+            Expansion::None => true,
+        }
+    }
+
+    fn banded<'a>(&'a self, band: &'a Band, ports: &'a Ports) -> Evaluator<'a> {
+        Evaluator::Banded { banded: Banded::new(band, self, ports), direct: Box::new(self.direct(ports, 0)) }
     }
 
     /// Direct solves with corrections from exact residuals, which keep every entry.
@@ -280,8 +303,7 @@ impl LinearSystem {
             return real_evaluator(modes, ports, self.size());
         }
         if let (Route::Banded, Some(band)) = (route, self.band()) {
-            let direct = Box::new(self.direct(ports, 0));
-            return Evaluator::Banded { banded: Banded::new(band, self, ports), direct };
+            return self.banded(band, ports);
         }
         match (route, expansion, self.normal()) {
             (Route::ComplexModes, Expansion::Complex(modes), Some(form)) => {
@@ -312,19 +334,6 @@ impl LinearSystem {
             refinements,
         }
     }
-}
-
-/// Is a band worth a try before modes, which lose the digits of small entries far away?
-fn banded_first(band: &Band, expansion: &Expansion, ports: &Ports) -> bool {
-    let (factorisation, column) = band.products();
-    let own = factorisation + column * ports.n_in();
-    let entries = band.size() * ports.n_out() * ports.n_in();
-    let modal = match expansion {
-        Expansion::Real(_) => entries,
-        Expansion::Complex(_) => 2 * entries,
-        Expansion::None => return true,
-    };
-    own as f64 <= BAND_FIRST * modal as f64
 }
 
 /// What a route may differ from refined direct solves.
@@ -394,9 +403,8 @@ impl Each {
 
 /// Frequencies at which a route is compared with refined direct solves: the one that lies nearest to a pole, measured by its size, where
 /// any error is largest, and the slowest and the fastest, where entries of weak couplings are smallest.
-fn samples(expansion: &Expansion, omega: &[f64]) -> Vec<usize> {
-    let mut poles: Vec<c64> = expansion.poles().unwrap_or_default();
-    poles.retain(|p| p.im > 0.0);
+fn samples(poles: Option<&[c64]>, omega: &[f64]) -> Vec<usize> {
+    let mut poles: Vec<c64> = poles.unwrap_or_default().iter().copied().filter(|p| p.im > 0.0).collect();
     poles.sort_by(|a, b| a.im.total_cmp(&b.im));
     let distance = |w: f64| {
         let at = poles.partition_point(|p| p.im < w.abs());

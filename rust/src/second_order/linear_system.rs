@@ -7,6 +7,7 @@ use faer::{Mat, c64};
 use super::SecondOrder;
 use super::expansion::Expansion;
 use super::frf_banded;
+use super::frf_poles;
 use super::modal::{Eigensolution, Modal, eigensolution};
 use crate::error::{Error, Result};
 use crate::linalg::banded::Band;
@@ -57,6 +58,7 @@ pub struct LinearSystem {
     solved: OnceLock<Result<Eigensolution>>,
     modes: OnceLock<Result<Modal>>,
     expansion: OnceLock<Expansion>,
+    poles: OnceLock<Option<Vec<c64>>>,
     pub(crate) hessenberg: OnceLock<Hessenberg>,
 }
 
@@ -91,6 +93,7 @@ impl LinearSystem {
             solved: OnceLock::new(),
             modes: OnceLock::new(),
             expansion: OnceLock::new(),
+            poles: OnceLock::new(),
             hessenberg: OnceLock::new(),
         })
     }
@@ -171,8 +174,16 @@ impl LinearSystem {
         })
     }
 
+    /// Poles that are known without modes, in ascending |s|, conjugates side by side.
+    pub fn own_poles(&self, counts: &mut Counts) -> Option<&[c64]> {
+        self.poles.get_or_init(|| frf_poles::poles(self, counts)).as_deref()
+    }
+
     /// All 2n poles in rad/s, or None where there are no modes.
-    pub fn poles(&self, counts: &mut Counts) -> Option<Vec<c64>> {
-        self.expansion(counts).poles()
+    pub fn poles(&self, counts: &mut Counts) -> Option<&[c64]> {
+        match self.own_poles(counts) {
+            None => self.expansion(counts).poles(),
+            own => own,
+        }
     }
 }

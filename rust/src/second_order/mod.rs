@@ -3,6 +3,7 @@ pub mod eigen_sensitivity;
 mod expansion;
 pub mod frf;
 pub mod frf_banded;
+pub mod frf_poles;
 pub mod frf_resonances;
 pub mod frf_routes;
 pub mod frf_sensitivity;

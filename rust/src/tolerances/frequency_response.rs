@@ -31,6 +31,21 @@ pub const NARROW: f64 = 1.0 / 16.0;
 /// Pinned by `bands_go_before_modes_for_several_ports`.
 pub const BAND_FIRST: f64 = 2.0;
 
+/// Condition of the vectors of complex modes from which on sums over them are not worth a check. Larger: sums that lose their digits are
+/// tried in vain. Smaller: responses and transfer functions of many ports take slower routes. Only speed depends on it, but for a sum that
+/// is asked for by `modes=`, which is refused there.
+pub const WORST_VECTORS: f64 = 1e7;
+
+/// Products of a band in the time in which all modes of a damped system are found, over the cube of the number of coordinates. Larger: very
+/// many frequencies of a few ports take longer than by modes. Smaller: modes are found for a few hundred frequencies.
+/// Pinned by `modes_are_worth_their_time_for_very_many_frequencies`.
+pub const ALL_MODES: f64 = 8.0;
+
+/// The square of half-width and one, over the number of coordinates, up to which poles come from determinants of a band. Larger: wide
+/// bands take longer than modes. Smaller: a damped chain takes as long as all its modes.
+/// Pinned by `poles_of_narrow_bands_need_no_modes`.
+pub const NARROW_ROOTS: f64 = 1.0;
+
 /// Motion times dynamic stiffness over the load from which on a solution without pivots does not judge whether the stiffness is singular.
 /// Larger: infinite responses are large numbers. Smaller: time is lost near resonances without damping.
 /// Pinned by `near_a_resonance_another_route_answers`.

@@ -43,3 +43,21 @@ pub const QUASI_DEFINITE: f64 = 1e-7;
 /// by so much of themselves. Larger: digits are given away. Smaller: corrections of nothing, and solutions of slow routes.
 /// Pinned by `random_systems_are_solved_as_by_dense_factorisation`.
 pub const BACKWARD: f64 = 1e-15;
+
+/// Corrections of a solution of a band without pivots, by its residual. Larger: frequencies at which leading blocks are singular, which no
+/// correction helps, cost more. Smaller: many others go to direct solutions. Only speed depends on it.
+pub const CORRECTIONS: usize = 2;
+
+/// A root moves no more when its step was below this part of its size; what is left of a single root is its square then. Larger: roots that
+/// lie on each other stop short of their digits. Smaller: rounding moves roots for ever, and the slow route answers.
+pub const SETTLED: f64 = 1e-12;
+
+/// Steps of each root, of which a single one takes three to ten and one that lies on another forty. Larger: time is lost where some
+/// roots are real. Smaller: those on others are left to the slow route.
+/// Pinned by tests/linear/test_frf_poles.py.
+pub const MOST_SWEEPS: usize = 50;
+
+/// Radius over its size of a disc that is known to hold a root, from which on it counts as not found. Larger: a root may be missing that
+/// lies close to another. Smaller: rounding sends large systems to the slow route.
+/// Pinned by `discs_tell_roots_that_are_missing_or_inexact`.
+pub const ENCLOSED: f64 = 1e-9;

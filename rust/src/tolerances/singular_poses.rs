@@ -41,3 +41,13 @@ pub const NEAREST_CROSSING: f64 = 0.012;
 /// "bdf-bfgs" makes steps so near to a singular pose that another branch solves their equations as well. Seen by
 /// `tests/motion/test_singular_poses.py`; not scanned.
 pub const ROWS_WITHOUT_TANGENT: f64 = 2e-13;
+
+/// Distance of a pose by one look, over what steps reach, from which on it is not looked for any closer. Larger: looks at poses that no step
+/// meets. Smaller: a pose that seems far at the first look, before the hold falls in proportion, is met unseen. Seen by
+/// `tests/motion/test_singular_poses.py`; not scanned.
+pub const FAR: f64 = 3.0;
+
+/// Part of the way to a pose, or of that on which the hold falls to nothing, after which a pose that the next step does not meet is
+/// looked for again. Larger: motions that quicken meet it unseen. Smaller: each step looks, which costs as much as three corrections of
+/// rows. Seen by `tests/motion/test_singular_poses.py`; not scanned.
+pub const LATER: f64 = 0.15;

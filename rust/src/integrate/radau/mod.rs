@@ -341,9 +341,7 @@ impl Radau {
         let h = (trial.motions[0].t - from.motion.t) / self.tableau.c[0];
         eq.filtered_states(&trial.motions[0], &slopes, h / mu)
     }
-}
 
-impl Radau {
     /// Between start and end: theta' is the polynomial through those of the start and of all stages, of degree s; the cubic of what the
     /// projection moved is added.
     fn through_stages(
