@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -132,22 +131,32 @@ CROSSINGS = {"fold": 1, "branch-point": 1, "period-doubling": 1, "neimark-sacker
 def repetitions(events: list[Event], growing: np.ndarray) -> list[tuple[Event, Event]]:
     """Pairs of a point where the determinant vanishes and of one where a real exponent does, of which the second is the first one
     told again: the exponents, integrated over a period, do not vanish at just the place where the truncated equations are singular,
-    and the end of a step may lie between the two places. Then fewer exponents change sides than both events say."""
+    and the end of a step may lie between the two places. Fewer exponents change sides there than the events say."""
     found: list[tuple[Event, Event]] = []
-    for a, b in pairwise(events):
-        if {a.kind, b.kind} - {"fold", "branch-point"} or (a.exponent is None) == (b.exponent is None):
+    for i, event in enumerate(events):
+        if event.exponent is not None or event.kind not in ("fold", "branch-point"):
             continue
-        known = np.flatnonzero(~np.isnan(growing))
-        before, behind = known[known < a.index], known[known >= b.index]
-        if not len(before) or not len(behind):
+        others = [e for e in events[max(i - 1, 0) : i + 2] if e.kind == "branch-point" and e.exponent is not None]
+        if not others or not _too_many(events, event, event, growing):
             continue
-        first, last = before[-1], behind[0]
-        crossings = [CROSSINGS.get(e.kind) for e in events if first < e.index <= last]
-        if None in crossings:
-            continue
-        if (growing[last] - growing[first] - sum(n for n in crossings if n)) % 2:
-            found.append((a, b) if a.exponent is None else (b, a))
+        other = min(others, key=lambda e: abs(e.index - event.index))
+        first, last = sorted((event, other), key=lambda e: e.index)
+        if _too_many(events, first, last, growing):
+            found.append((event, other))
     return found
+
+
+def _too_many(events: list[Event], first: Event, last: Event, growing: np.ndarray) -> bool:
+    """Whether the number of growing exponents changes from before one event to behind another by an odd number more or less than
+    the events in between say."""
+    known = np.flatnonzero(~np.isnan(growing))
+    before, behind = known[known < first.index], known[known >= last.index]
+    if not len(before) or not len(behind):
+        return False
+    crossings = [CROSSINGS.get(e.kind) for e in events if before[-1] < e.index <= behind[0]]
+    if None in crossings:
+        return False
+    return bool((growing[behind[0]] - growing[before[-1]] - sum(n for n in crossings if n)) % 2)
 
 
 def resolved(

@@ -12,7 +12,7 @@ use crate::solve::Linearisation;
 use crate::solve::continuation::{Advance, Branch};
 use crate::solve::corrector::{Options, Point, Workspace};
 use crate::solve::segment::{Jump, Segment};
-use crate::tolerances::periodic::{AXIS, AXIS_ROOT, BRANCHING, HIDDEN, NEUTRAL, RESONANT, SAME_CROSSING};
+use crate::tolerances::periodic::{AXIS, AXIS_ROOT, BRANCHING, HIDDEN, NEUTRAL, RESONANT, SAME_CROSSING, STEEPER};
 
 #[derive(Debug, Clone, Copy)]
 pub struct Settings {
@@ -465,14 +465,15 @@ fn changes(a: &Place, b: &Place, w0: f64) -> bool {
 }
 
 /// Where between two places a root may have crossed the axis and come back, as a fraction of the way. A growth that rises to an
-/// extremum and falls stays below the lines through its neighbours on either side: it can be beyond zero only where both lines are.
+/// extremum and falls stays below two lines that are somewhat steeper than those through its neighbours on either side: it can be
+/// beyond zero only where both lines are.
 /// `outer`: distance and exponents of the places before and behind, where there are such.
 fn possible_crossing(outer: [Option<(f64, &[c64])>; 2], ends: (&[c64], &[c64]), length: f64, w0: f64) -> Option<f64> {
     let reach = |outer: Option<(f64, &[c64])>, here: c64, sign: f64| match outer {
         // how far the line through two values, both on one side of zero or not, takes to zero
         Some((distance, exponents)) => {
             let rise = sign * (here.re - nearest(exponents, here)?.re);
-            (rise > 0.0).then(|| here.re.abs() * distance / rise)
+            (rise > 0.0).then(|| here.re.abs() * distance / (STEEPER * rise))
         }
         None => Some(0.0),
     };
