@@ -147,7 +147,7 @@ def repetitions(events: list[Event], growing: np.ndarray) -> list[tuple[Event, E
 
 
 def _too_many(events: list[Event], first: Event, last: Event, growing: np.ndarray) -> bool:
-    """Whether the number of growing exponents changes from before one event to behind another by an odd number more or less than
+    """True where the number of growing exponents changes from before one event to behind another by an odd number more or less than
     the events in between say."""
     known = np.flatnonzero(~np.isnan(growing))
     before, behind = known[known < first.index], known[known >= last.index]
