@@ -109,11 +109,27 @@ def beam_with_a_stop():
 
 
 @pytest.mark.slow
-def test_a_band_without_stability_between_two_points_is_found():
+@pytest.mark.parametrize("harmonics", [9, 15])
+def test_a_band_without_stability_between_two_points_is_found(harmonics):
     """Steps of the sweep downwards reach over the whole band, at whose ends the motion is stable."""
     m, force = beam_with_a_stop()
     bands = []
     for ends in ((8.6, 9.6), (15.0, 5.0)):
-        curve = mb.frequency_response(m, inputs=force, amplitude=0.3, frequency=ends, harmonics=15)
+        curve = mb.frequency_response(m, inputs=force, amplitude=0.3, frequency=ends, harmonics=harmonics)
         bands.append(sorted(e.omega for e in curve.events if e.kind == "neimark-sacker"))
     assert len(bands[0]) == len(bands[1]) == 2 and np.allclose(*bands, rtol=1e-6), bands
+
+
+@pytest.mark.slow
+def test_a_fold_at_a_stop_is_not_told_again_as_a_branch_point():
+    """The multipliers of odd motions, integrated in time, pass 1 beside the fold, behind the next point of the curve; where they
+    pass 1 without a fold, the symmetry breaks, as even harmonics show by the sign of the determinant."""
+    stop = Gap(1e3, 1.0, bilateral=True, w=[1.0])
+    system = MechanicalSystem([[1.0]], [[0.1]], [[1.0]], elements=[stop])
+    curve = frequency_response(system, force=[0.5], omega=(0.5, 6), harmonics=list(range(1, 102, 2)))
+    assert [e.kind for e in curve.events] == ["branch-point", "branch-point", "fold", "fold"]
+    top = curve.events[2].index
+    assert np.isnan(np.asarray(curve.stable, float)[top])  # the multipliers call it stable, the fold does not
+    broken = frequency_response(system, force=[0.5], omega=(0.9, 1.05), harmonics=101)
+    (event,) = (e for e in broken.events if e.exponent is None)
+    assert event.kind == "branch-point" and abs(event.omega - curve.events[1].omega) < 1e-3

@@ -176,8 +176,9 @@ class Branch(Iterator[BranchPoint]):
 
     @property
     def events(self) -> tuple[Event, ...]:
-        """Special points so far, without the pairs of folds that corners of the samples make."""
-        return resolved(self.chunks.events, self._parameter_of, self.chunks.column("aliasing"))
+        """Special points so far, without the pairs of folds that corners of the samples make, and none told twice."""
+        aliasing, growing = self.chunks.column("aliasing"), self.chunks.column("growing")
+        return resolved(self.chunks.events, self._parameter_of, aliasing, growing)
 
     def follow(self, most: int, progress: bool | None, what: str = "frequency response") -> None:
         """Run up to so many points, with a line on a terminal about where the branch is."""
@@ -226,7 +227,7 @@ class Branch(Iterator[BranchPoint]):
         return dict(
             omega=np.concatenate([part.omega for part in parts]),
             level=np.concatenate([part.level for part in parts]),
-            stable=known_stability(self.chunks.column("stable"), self.continuation.stability),
+            stable=known_stability(self.chunks.stable(), self.continuation.stability),
             exponents=self.chunks.exponents(),
             events=self.events,
             parts=parts,
@@ -522,6 +523,7 @@ class Branch(Iterator[BranchPoint]):
 
     def point(self, i: int) -> BranchPoint:
         """The point with this number."""
+        stable = float(self.chunks.stable()[i])
         for setup, part in self.chunks.parts:
             if i < len(part["p"]):
                 omega, level, value = self._where(float(part["p"][i]))
@@ -532,7 +534,7 @@ class Branch(Iterator[BranchPoint]):
                     level,
                     X,
                     float(part["error"][i]),
-                    float(part["stable"][i]),
+                    stable,
                     exponents,
                     float(part["step"][i]),
                     value,

@@ -99,6 +99,15 @@ class Chunks:
         """One number per point."""
         return np.concatenate([part[name] for _, part in self.parts]) if self.parts else np.zeros(0)
 
+    def stable(self) -> np.ndarray:
+        """1 or 0 per point, nan where not known: also between two points of which one repeats the other."""
+        growing = self.column("growing")
+        out = np.where(np.isnan(growing), np.nan, growing == 0)
+        for kept, repeated in repetitions(self.events, growing):
+            first, last = sorted((kept.index, repeated.index))
+            out[first:last] = np.nan
+        return out
+
     def exponents(self) -> np.ndarray | None:
         """(n, 2 dof) where every point has them; nan fills up where reduced models have fewer."""
         parts = [part for _, part in self.parts if len(part["p"])]
@@ -116,11 +125,51 @@ def filled_up(rows: list[np.ndarray]) -> np.ndarray:
     return out
 
 
-def resolved(events: list[Event], parameter: Callable[[Event], float], aliasing: np.ndarray) -> tuple[Event, ...]:
-    """The events without pairs of folds that lie nearer to each other than the error that samples make: where samples come into
-    contact one by one, the sampled equations have corners, at which their branch turns and turns back."""
+CROSSINGS = {"fold": 1, "branch-point": 1, "period-doubling": 1, "neimark-sacker": 2}
+
+
+def repetitions(events: list[Event], growing: np.ndarray) -> list[tuple[Event, Event]]:
+    """Pairs of a point where the determinant vanishes and of one where a real exponent does, of which the second is the first one
+    told again: the exponents, integrated over a period, do not vanish at just the place where the truncated equations are singular,
+    and the end of a step may lie between the two places. Fewer exponents change sides there than the events say."""
+    found: list[tuple[Event, Event]] = []
+    for i, event in enumerate(events):
+        if event.exponent is not None or event.kind not in ("fold", "branch-point"):
+            continue
+        others = [e for e in events[max(i - 1, 0) : i + 2] if e.kind == "branch-point" and e.exponent is not None]
+        if not others or not _too_many(events, event, event, growing):
+            continue
+        other = min(others, key=lambda e: abs(e.index - event.index))
+        first, last = sorted((event, other), key=lambda e: e.index)
+        if _too_many(events, first, last, growing):
+            found.append((event, other))
+    return found
+
+
+def _too_many(events: list[Event], first: Event, last: Event, growing: np.ndarray) -> bool:
+    """True where the number of growing exponents changes from before one event to behind another by an odd number more or less than
+    the events in between say."""
+    known = np.flatnonzero(~np.isnan(growing))
+    before, behind = known[known < first.index], known[known >= last.index]
+    if not len(before) or not len(behind):
+        return False
+    crossings = [CROSSINGS.get(e.kind) for e in events if before[-1] < e.index <= behind[0]]
+    if None in crossings:
+        return False
+    return bool((growing[behind[0]] - growing[before[-1]] - sum(n for n in crossings if n)) % 2)
+
+
+def resolved(
+    events: list[Event], parameter: Callable[[Event], float], aliasing: np.ndarray, growing: np.ndarray
+) -> tuple[Event, ...]:
+    """The events without those told twice, and without pairs of folds that lie nearer to each other than the error that samples
+    make: where samples come into contact one by one, the sampled equations have corners, at which their branch turns and turns
+    back."""
     kept: list[Event] = []
+    again = [repeated for _, repeated in repetitions(events, growing)]
     for event in events:
+        if any(event is other for other in again):
+            continue
         last = kept[-1] if kept else None
         if event.kind == "fold" and last is not None and last.kind == "fold" and len(aliasing):
             a, b = parameter(last), parameter(event)

@@ -12,7 +12,7 @@ use crate::solve::Linearisation;
 use crate::solve::continuation::{Advance, Branch};
 use crate::solve::corrector::{Options, Point, Workspace};
 use crate::solve::segment::{Jump, Segment};
-use crate::tolerances::periodic::{AXIS, AXIS_ROOT, BRANCHING, NEUTRAL, RESONANT, SAME_CROSSING};
+use crate::tolerances::periodic::{AXIS, AXIS_ROOT, BRANCHING, HIDDEN, NEUTRAL, RESONANT, SAME_CROSSING, STEEPER};
 
 #[derive(Debug, Clone, Copy)]
 pub struct Settings {
@@ -77,10 +77,15 @@ pub struct Follower {
     estimator: Estimator,
     stability: Option<Stability>,
     count: usize,
-    /// stability of the last record, which its reader may have taken away
-    last: Option<Floquet>,
-    /// the record before the previous one, unless an event lies between it and the last
-    behind: Option<Place>,
+    /// the last record, whose reader may have taken it away, and up to three before it, where all have exponents
+    trail: Vec<Passed>,
+}
+
+/// A place that the branch has passed.
+struct Passed {
+    place: Place,
+    /// whether an event lies between the place before and this one
+    event: bool,
 }
 
 impl Follower {
@@ -114,8 +119,7 @@ impl Follower {
             estimator,
             stability,
             count: 0,
-            last: None,
-            behind: None,
+            trail: Vec::new(),
         };
         follower.record()?;
         Ok(follower)
@@ -135,10 +139,9 @@ impl Follower {
         if self.status != Status::Going {
             return Ok(());
         }
-        let before = self.last.clone();
         let Some(crossed) = self.move_on(cancel)? else {
             self.status = Status::Stalled;
-            return Ok(());
+            return self.find_hidden(2, cancel);
         };
         let direction = (self.settings.to - self.settings.from).signum();
         let p = self.branch.point().p();
@@ -158,9 +161,10 @@ impl Follower {
         }
         self.record()?;
         if self.settings.events {
-            self.find_events(before.as_ref(), crossed, cancel)?;
+            self.find_hidden(3, cancel)?;
+            self.find_events(crossed, cancel)?;
         }
-        Ok(())
+        if self.status == Status::Going { Ok(()) } else { self.find_hidden(2, cancel) }
     }
 
     /// A step on the same branch, with the branch point that it passes; None where there is no step. A sign of the determinant that
@@ -208,7 +212,7 @@ impl Follower {
             }
             None => None,
         };
-        self.last.clone_from(&floquet);
+        self.pass(floquet.as_ref());
         self.records.push(Record {
             y: point.y().to_vec(),
             p: point.p(),
@@ -222,7 +226,20 @@ impl Follower {
         Ok(())
     }
 
-    fn find_events(&mut self, before: Option<&Floquet>, crossed: Option<Point>, cancel: &Cancel) -> Result<()> {
+    fn pass(&mut self, floquet: Option<&Floquet>) {
+        if self.trail.len() > 3 {
+            self.trail.remove(0);
+        }
+        match floquet {
+            Some(floquet) => {
+                let place = (self.branch.point().clone(), floquet.exponents.clone(), false);
+                self.trail.push(Passed { place, event: false });
+            }
+            None => self.trail.clear(),
+        }
+    }
+
+    fn find_events(&mut self, crossed: Option<Point>, cancel: &Cancel) -> Result<()> {
         let (Some(a), Some(segment)) = (self.branch.previous().cloned(), self.branch.segment()) else {
             return Ok(());
         };
@@ -237,63 +254,71 @@ impl Follower {
         }
         between.extend(crossed.clone());
         self.push_event(Kind::BranchPoint, crossed, None);
-        let (Some(before), Some(after)) = (before, self.last.clone()) else {
+        let [.., before, after] = self.trail.as_slice() else {
             return Ok(());
         };
+        let (mut here, present) = (before.place.clone(), after.place.clone());
         let events = self.events.len();
-        let (previous, present) =
-            ((a.clone(), before.exponents.clone(), false), (b.clone(), after.exponents.clone(), false));
-        between.sort_by(|p, q| segment.distance(p).total_cmp(&segment.distance(q)));
-        let mut here = previous.clone();
         let plain = between.is_empty();
+        between.sort_by(|p, q| segment.distance(p).total_cmp(&segment.distance(q)));
         for point in between {
             let there = (point.clone(), self.exponents_at(&point)?, true);
             self.find_crossings(&here, &there, cancel)?;
             here = there;
         }
         self.find_crossings(&here, &present, cancel)?;
-        let behind = self.behind.take().filter(|_| plain && self.events.len() == events);
-        if let Some(behind) = behind {
-            self.find_hidden([&behind, &previous, &present], cancel)?;
+        if let Some(last) = self.trail.last_mut() {
+            last.event = !plain || self.events.len() > events;
         }
-        self.behind = plain.then_some(previous);
         Ok(())
     }
 
-    /// Two crossings between neighbours, which the number of growing roots does not show: among three places with equally many, the
-    /// growth next to zero has an extremum that may lie beyond zero. The branch is solved there once more.
-    fn find_hidden(&mut self, places: [&Place; 3], cancel: &Cancel) -> Result<()> {
-        let w0 = self.problem.base_frequency();
-        let count = unstable(&places[1].1, w0);
-        if places.iter().any(|place| unstable(&place.1, w0) != count) {
+    /// Crossings that come in twos between neighbours, which the number of growing roots does not show: the segment that begins at
+    /// this place of the trail, counted from its end.
+    fn find_hidden(&mut self, from_end: usize, cancel: &Cancel) -> Result<()> {
+        let Some(i) = self.trail.len().checked_sub(from_end).filter(|_| self.settings.events && self.trail.len() > 2)
+        else {
             return Ok(());
+        };
+        if self.trail[i + 1].event {
+            return Ok(());
+        }
+        let place = |i: usize| self.trail.get(i).map(|passed| passed.place.clone());
+        let places = [i.checked_sub(1).and_then(place), place(i), place(i + 1), place(i + 2)];
+        let found = self.events.len();
+        self.refine(&places, HIDDEN, cancel)?;
+        let before = self.count - self.trail.len() + i + 1;
+        self.events[found..].iter_mut().for_each(|event| event.before = before);
+        Ok(())
+    }
+
+    /// Solves for points between the inner two of four neighbours, of which the outer ones may be missing, until no root can have
+    /// crossed the axis and come back, or one has.
+    fn refine(&mut self, places: &[Option<Place>; 4], trials: usize, cancel: &Cancel) -> Result<()> {
+        let [before, Some(a), Some(b), after] = places else {
+            return Ok(());
+        };
+        let w0 = self.problem.base_frequency();
+        if unstable(&a.1, w0) != unstable(&b.1, w0) {
+            return self.find_crossings(a, b, cancel);
         }
         let options = self.settings.options;
-        let segments =
-            [Segment::new(&places[0].0, &places[1].0, options), Segment::new(&places[1].0, &places[2].0, options)];
-        let s = [-segments[0].length(), 0.0, segments[1].length()];
-        let decaying = (count..places[1].1.len()).find(|rank| nth_growth(&places[1].1, *rank) < -NEUTRAL * w0);
-        for rank in count.checked_sub(1).into_iter().chain(decaying) {
-            let nearness = places.map(|place| -nth_growth(&place.1, rank).abs());
-            let Some(at) = extremum_near_zero(s, nearness) else {
-                continue;
-            };
-            let earlier = usize::from(at < 0.0);
-            let (segment, fraction) = (&segments[1 - earlier], if at < 0.0 { 1.0 - at / s[0] } else { at / s[2] });
-            let Some(point) = segment.point(&mut self.problem, &mut self.branch.work, fraction)? else {
-                continue;
-            };
-            let middle = (point.clone(), self.exponents_at(&point)?, false);
-            if unstable(&middle.1, w0) == count {
-                continue;
-            }
-            let found = self.events.len();
-            self.find_crossings(places[1 - earlier], &middle, cancel)?;
-            self.find_crossings(&middle, places[2 - earlier], cancel)?;
-            self.events[found..].iter_mut().for_each(|event| event.before -= earlier);
+        let segment = Segment::new(&a.0, &b.0, options);
+        let length = |p: &Place, q: &Place| Segment::new(&p.0, &q.0, options).length();
+        let left = before.as_ref().map(|p| (length(p, a), p.1.as_slice()));
+        let right = after.as_ref().map(|p| (length(b, p), p.1.as_slice()));
+        let Some(fraction) =
+            possible_crossing([left, right], (&a.1, &b.1), segment.length(), w0).filter(|_| trials > 0)
+        else {
             return Ok(());
-        }
-        Ok(())
+        };
+        let Some(point) = segment.point(&mut self.problem, &mut self.branch.work, fraction)? else {
+            return Ok(());
+        };
+        let middle = Some((point.clone(), self.exponents_at(&point)?, false));
+        let [before, a, b, after] = places.clone();
+        self.refine(&[before, a.clone(), middle.clone(), b.clone()], trials - 1, cancel)?;
+        self.refine(&[a, middle, b, after], trials - 1, cancel)
     }
 
     fn exponents_at(&mut self, point: &Point) -> Result<Vec<c64>> {
@@ -439,17 +464,37 @@ fn changes(a: &Place, b: &Place, w0: f64) -> bool {
     }
 }
 
-/// Where the parabola through three values, all negative, has its maximum, if that lies between the first and the last place and comes
-/// as near to zero as the values vary.
-fn extremum_near_zero(s: [f64; 3], f: [f64; 3]) -> Option<f64> {
-    let (left, right) = ((f[1] - f[0]) / (s[1] - s[0]), (f[2] - f[1]) / (s[2] - s[1]));
-    let span = s[2] - s[0];
-    let slope = (left * (s[2] - s[1]) + right * (s[1] - s[0])) / span;
-    let curvature = (right - left) / span;
-    let at = s[1] - 0.5 * slope / curvature;
-    let height = f[1] - 0.25 * slope * slope / curvature;
-    let variation = f.iter().fold(f64::MIN, |a, b| a.max(*b)) - f.iter().fold(f64::MAX, |a, b| a.min(*b));
-    (curvature < 0.0 && at > s[0] && at < s[2] && height + variation > 0.0).then_some(at)
+/// Where between two places a root may have crossed the axis and come back, as a fraction of the way. A growth that rises to an
+/// extremum and falls stays below two lines that are somewhat steeper than those through its neighbours on either side: it can be
+/// beyond zero only where both lines are.
+/// `outer`: distance and exponents of the places before and behind, where there are such.
+fn possible_crossing(outer: [Option<(f64, &[c64])>; 2], ends: (&[c64], &[c64]), length: f64, w0: f64) -> Option<f64> {
+    let reach = |outer: Option<(f64, &[c64])>, here: c64, sign: f64| match outer {
+        // how far the line through two values, both on one side of zero or not, takes to zero
+        Some((distance, exponents)) => {
+            let rise = sign * (here.re - nearest(exponents, here)?.re);
+            (rise > 0.0).then(|| here.re.abs() * distance / (STEEPER * rise))
+        }
+        None => Some(0.0),
+    };
+    if outer.iter().all(Option::is_none) {
+        return None;
+    }
+    ends.0.iter().filter(|s| s.im >= 0.0).find_map(|here| {
+        let there = nearest(ends.1, *here)?;
+        if here.re * there.re <= 0.0 || here.re.abs().min(there.re.abs()) <= NEUTRAL * w0 {
+            return None;
+        }
+        let sign = -here.re.signum();
+        let (first, last) = (reach(outer[0], *here, sign)?, length - reach(outer[1], there, sign)?);
+        (first < last).then(|| 0.5 * (first + last) / length)
+    })
+}
+
+/// The exponent among these that is most like another one, or like its conjugate.
+fn nearest(exponents: &[c64], to: c64) -> Option<c64> {
+    let off = |s: &c64| (s.re - to.re).hypot(s.im.abs() - to.im.abs());
+    exponents.iter().copied().min_by(|a, b| off(a).total_cmp(&off(b)))
 }
 
 /// The exponents, in the order of growth, whose growth changes its sign between two places.
@@ -483,5 +528,33 @@ mod tests {
     fn growth_counts_from_its_bound_on() {
         let w0 = 3.7;
         assert_eq!(unstable(&[1e-10, 1e-8, -1e-8].map(|r| c64::new(r * w0, 1.0)), w0), 1);
+    }
+
+    /// Four places on a growth like h - s^2, beside a root that grows like none of them and lies nearer to zero.
+    #[test]
+    fn a_pair_that_comes_beyond_zero_between_two_places_is_never_excluded() {
+        let exponents = |s: f64, h: f64| {
+            let growth = 0.05 * (h - s * s);
+            vec![c64::new(-1e-3, 0.1), c64::new(growth, 0.3), c64::new(growth, -0.3)]
+        };
+        for i in 0..1000 {
+            let part = |k: usize| ((i * k) as f64 * 0.618_033_988_7).fract();
+            let (before, a, b, after) = (-0.3 - part(7), -0.2 * part(3) - 0.02, 0.2 * part(5) + 0.02, 0.3 + part(11));
+            let h = a.abs().min(b).powi(2) * (0.05 + 0.9 * part(13));
+            let at = possible_crossing(
+                [Some((a - before, &exponents(before, h))), Some((after - b, &exponents(after, h)))],
+                (&exponents(a, h), &exponents(b, h)),
+                b - a,
+                1.0,
+            );
+            assert!(at.is_some_and(|t| 0.0 < t && t < 1.0), "{i}: {at:?}");
+            let far = possible_crossing(
+                [Some((a - before, &exponents(before, -1.0))), Some((after - b, &exponents(after, -1.0)))],
+                (&exponents(a, -1.0), &exponents(b, -1.0)),
+                b - a,
+                1.0,
+            );
+            assert_eq!(far, None);
+        }
     }
 }

@@ -98,7 +98,8 @@ struct Chunk {
     aliasing: Vector<f64>,
     step: Vector<f64>,
     iterations: Vector<f64>,
-    stable: Vector<f64>,
+    /// how many exponents grow, nan where that is not known
+    growing: Vector<f64>,
     y: Rows<f64>,
     exponents: Option<Rows<Complex64>>,
     monodromies: usize,
@@ -247,9 +248,9 @@ impl Chunk {
         let base = follower.problem.base_frequency();
         let records = std::mem::take(&mut follower.records);
         let column = |of: &dyn Fn(&Record) -> f64| Vector(records.iter().map(of).collect());
-        let stable = |r: &Record| match &r.floquet {
+        let growing = |r: &Record| match &r.floquet {
             Some(f) if !f.doubtful && f.exponents.iter().all(|s| s.re.is_finite()) => {
-                f64::from(u8::from(unstable(&f.exponents, base) == 0))
+                unstable(&f.exponents, base) as f64
             }
             _ => f64::NAN,
         };
@@ -262,7 +263,7 @@ impl Chunk {
             aliasing: column(&|r| r.aliasing),
             step: column(&|r| r.step),
             iterations: column(&|r| r.iterations as f64),
-            stable: column(&stable),
+            growing: column(&growing),
             y: Rows::new(records.iter().map(|r| r.y.clone()).collect())?,
             exponents: if known { Some(Rows::new(exponents)?) } else { None },
             monodromies: records.iter().filter(|r| r.floquet.as_ref().is_some_and(|f| !f.by_hill)).count(),

@@ -79,6 +79,16 @@ pub const ALONG_BRANCH: f64 = 1e-5;
 /// too small: one is told twice.
 pub const SAME_CROSSING: f64 = 1e-6;
 
+/// How often a segment between two points of a branch is divided to exclude that an exponent crosses the axis and comes back. A
+/// count. Too large: curves that come near the axis without a crossing cost more; too small: narrow bands without stability are
+/// missed. Pinned by tests/truth/test_hidden_bands.py.
+pub const HIDDEN: usize = 4;
+
+/// How many times as steep as between two points of a branch the growth of an exponent may be just beside them. Free of units. Too
+/// large: points are solved for where nothing crosses; too small: bands without stability whose flanks are steep are missed.
+/// Pinned by tests/truth/test_hidden_bands.py.
+pub const STEEPER: f64 = 2.0;
+
 /// Distance of Im s from 0 and from half of the base frequency, over the base frequency, within which a crossing exponent is real or
 /// doubles the period. Free of units. Too large: slow tori are called branch points; too small: rounding of a double exponent
 /// makes a torus of a branch point.
