@@ -42,7 +42,7 @@ def built(copy: Path) -> dict[str, str]:
 
 def build_rust_tests(copy: Path) -> Path:
     """The program of the core's own tests, in the copy."""
-    build = ["cargo", "test", "--lib", "--no-run", "--message-format", "json"]
+    build = ["cargo", "test", "--lib", "--no-run", "--message-format", "json-render-diagnostics"]
     done = subprocess.run(build, cwd=copy, stdout=subprocess.PIPE, text=True, check=True)
     made = (json.loads(line) for line in done.stdout.splitlines() if line.startswith("{"))
     program = next(Path(m["executable"]) for m in made if m.get("executable"))

@@ -69,12 +69,14 @@ def visible(path: Path, numbers: set[tuple[str, str]]) -> set[str]:
 
 
 def with_calls(source: str, names: set[str]) -> str:
-    """A file with calls in place of the numbers `names`, outside its imports and comments."""
+    """A file with calls in place of the numbers `names`, outside its imports, comments and texts."""
     if not names:
         return source
     used = rf"(?<![\w:])(?<![^.]\.)(?:crate::tolerances::\w+::)?(?:{'|'.join(sorted(names))})\b(?!\s*[(:])"
-    kept = re.compile(rf"(?:^\s*(?:pub )?use [^;]+;|//[^\n]*|(?P<used>{used}))", re.MULTILINE)
-    return kept.sub(lambda m: f"{m[0]}()" if m["used"] else m[0], source)
+    text = r"""'(?:[^'\\]|\\.)'|"(?:[^"\\]|\\.)*\""""
+    kept = re.compile(rf"(?:^\s*(?:pub )?use [^;]+;|//[^\n]*|{text}|(?P<used>{used}))", re.MULTILINE | re.DOTALL)
+    called = kept.sub(lambda m: f"{m[0]}()" if m["used"] else m[0], source)
+    return called.replace("const { assert!", "{ assert!")  # which the compiler would check
 
 
 def numbers_of(source: str, group: str) -> Iterator[tuple[str, str]]:

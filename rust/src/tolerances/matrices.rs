@@ -41,5 +41,5 @@ pub const QUASI_DEFINITE: f64 = 1e-7;
 
 /// Residual of a row over the sum of its absolute terms that is no more than rounding: the solution is that of a matrix whose entries differ
 /// by so much of themselves. Larger: digits are given away. Smaller: corrections of nothing, and solutions of slow routes.
-/// Pinned by `random_systems_are_solved_as_by_dense_factorisation`.
+/// Pinned by `a_remainder_counts_from_its_bound_on` and `random_systems_are_solved_as_by_dense_factorisation`.
 pub const BACKWARD: f64 = 1e-15;

@@ -174,6 +174,7 @@ pub mod linearisation {
 
     /// An unbalanced force above this part of all forces makes a linearisation at rest questionable, and is told. Larger: matrices of a
     /// state that does not last pass without a word. Smaller: models in balance but for the digits of their drawing are warned of.
+    /// Pinned by `test_a_millionth_of_the_forces_may_be_out_of_balance`.
     pub const BALANCED: f64 = 1e-6;
 
     /// Change of the given velocities, over their size, from which on it is told that they contradict the joints. Larger: contradictions
@@ -260,6 +261,7 @@ pub mod aero {
 pub mod sensitivity {
     /// A given rate jumps where it changes by more than this part of itself: an impact. Larger: impacts have derivatives that are wrong.
     /// Smaller: rounding of pieces of a motion is an impact.
+    /// Pinned by `test_a_rate_that_changes_by_rounding_is_no_impact`.
     pub const IMPACT: f64 = 1e-9;
 
     /// Openings of loops, and rates at which they open by a parameter, below this are rounding (lengths over those of their loop, radians).

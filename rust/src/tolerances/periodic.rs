@@ -41,7 +41,7 @@ pub const STATE_CLOSED: f64 = 1e-13;
 
 /// Rounding of the equations between two samples of a law's state, in units of eps times the sum of their absolute terms. Free of
 /// units. Too large: states that solve nothing pass; too small: laws that relax fast are refused.
-/// Pinned by `every_accepted_state_solves_its_equations` of `hbm::periodic_state`.
+/// Pinned by `states_are_solved_up_to_their_bound` and `every_accepted_state_solves_its_equations` of `periodic::periodic_state`.
 pub const STATE_ROUNDING: f64 = 16.0;
 
 /// Largest |Re s| over the base frequency of an exponent that crosses the imaginary axis at a point that was solved for. Free of
