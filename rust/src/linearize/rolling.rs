@@ -341,7 +341,7 @@ mod tests {
         let e = DMatrix::from_row_slice(2, 2, &[0.0, 0.0, 0.7, 0.0]);
         let at = |sine: f64| staying(&DMatrix::from_column_slice(2, 1, &[(1.0 - sine * sine).sqrt(), sine]), &e, 1);
         assert!(at(0.9e-4).is_none());
-        let sine = 1.1e-4;
+        let sine = 1.1e-4_f64;
         let cotangent = (1.0 - sine * sine).sqrt() / sine;
         let made = at(sine).map(|m| (m[(0, 0)], m[(1, 0)]));
         let close = |(x, y): (f64, f64)| {
