@@ -12,6 +12,7 @@ pub const ASYMMETRY: f64 = 1e-10;
 
 /// The same of one spring, from which on its stiffness is not that of an energy. Larger: energy balances are off without a word. Smaller:
 /// turned matrices of a symmetric stiffness have no energy.
+/// Pinned by `test_a_bushing_that_is_symmetric_to_rounding_has_an_energy`.
 pub const NO_ENERGY: f64 = 1e-12;
 
 /// Eigenvalues of one spring below this part of its largest are directions in which it does not act. Larger: weak directions are
