@@ -21,7 +21,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from core_copies import ROOT, build_rust_tests, built, copy_sources
-from tables import write
+from tables import folded, write
 from variable_tolerances import VARIABLE, make_variable
 
 sys.path.insert(0, str(ROOT / "tests"))
@@ -163,20 +163,25 @@ def summary(folder: Path) -> str:
     """How many numbers are seen, and which are not in both directions."""
     found = read(folder / "found.jsonl")
     numbers = [c for c in ALL if not is_count(c)]
-    seen = {name(c): [d for d in FACTORS if (f := found.get((name(c), d))) and f.failed] for c in numbers}
-    both, one, none = ([n for n, d in seen.items() if len(d) == k] for k in (2, 1, 0))
-    unnamed = [name(c) for c in numbers if not named(c)]
-    lines = [f"{len(numbers)} numbers: {len(both)} seen in both directions, {len(one)} in one, {len(none)} in none."]
-    lines += ["", "| number | larger | smaller |", "| --- | --- | --- |"]
-    for n in one + none:
-        cells = [cell(found.get((n, d))) for d in FACTORS]
-        lines.append(f"| `{n}` | {' | '.join(cells)} |")
-    return "\n".join([*lines, "", f"{len(unnamed)} name no test."])
+    run = {name(c): [found.get((name(c), d)) for d in FACTORS] for c in numbers if named(c)}
+    seen = {n: sum(f is not None and bool(f.failed) for f in cells) for n, cells in run.items()}
+    both, one, none = (sum(k == count for k in seen.values()) for count in (2, 1, 0))
+    unnamed = [f"`{name(c)}`" for c in numbers if not named(c)]
+    heads = ["| number | larger | smaller |", "| --- | --- | --- |"]
+    rows = [f"| `{n}` | {' | '.join(map(cell, run[n]))} |" for n in sorted(run, key=lambda n: -seen[n]) if seen[n] < 2]
+    return (
+        f"{len(run)} of {len(numbers)} numbers name tests: {both} are seen in both directions, {one} in one, {none} in none.\n\n"
+        + folded("\n".join(heads + rows), "not seen in both directions")
+        + "\n\n"
+        + folded(", ".join(unnamed) + ".", f"{len(unnamed)} name no test")
+    )
 
 
 def cell(finding: Finding | None) -> str:
     if finding is None:
-        return "no test"
+        return "not run"
+    if finding.failed == "hangs":
+        return "seen (hangs)"
     return "seen" if finding.failed else "not seen"
 
 

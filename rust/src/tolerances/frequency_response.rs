@@ -2,7 +2,7 @@
 
 /// A route of evaluation is taken where it agrees with refined direct solutions this well, or as well as unrefined ones do. Larger: digits
 /// are given away. Smaller: the slow route is taken.
-/// Pinned from below by `critical_damping_falls_back_to_hessenberg`.
+/// Pinned by `critical_damping_falls_back_to_hessenberg`, from below.
 pub const ACCEPTED: f64 = 1e-11;
 /// Even where unrefined solutions are worse than this.
 pub const WORST_ACCEPTED: f64 = 1e-9;

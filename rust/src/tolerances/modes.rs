@@ -97,6 +97,7 @@ pub const CLOSEST: f64 = 1e-8;
 
 /// Separation of a root (as of `NEAR_DEFECTIVE`) below which a first-order correction says nothing. Larger: corrections are left
 /// out that would gain digits. Smaller: corrections of rounding.
+/// Pinned by `roots_that_are_hardly_separated_are_not_corrected`.
 pub const SEPARATED: f64 = 1e-4;
 
 /// Relative distance of two roots with one shape that Newton's method has led to one place. Larger: close roots are called one.

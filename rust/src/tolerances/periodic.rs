@@ -46,7 +46,7 @@ pub const STATE_ROUNDING: f64 = 16.0;
 
 /// Largest |Re s| over the base frequency of an exponent that crosses the imaginary axis at a point that was solved for. Free of
 /// units. Too large: jumps of the exponents where a contact closes are called bifurcations; too small: bifurcations of stiff systems,
-/// whose exponents have rounding, are lost. Pinned by tests/truth/test_hbm_events.py.
+/// whose exponents have rounding, are lost. Pinned by `where_an_exponent_crosses_tells_the_kind`.
 pub const AXIS: f64 = 1e-6;
 
 /// The same on the unstable side of a border that was bracketed, where two exponents that meet on the axis part like the root of the
@@ -82,6 +82,7 @@ pub const SAME_CROSSING: f64 = 1e-6;
 /// Distance of Im s from 0 and from half of the base frequency, over the base frequency, within which a crossing exponent is real or
 /// doubles the period. Free of units. Too large: slow tori are called branch points; too small: rounding of a double exponent
 /// makes a torus of a branch point.
+/// Pinned by `where_an_exponent_crosses_tells_the_kind`.
 pub const RESONANT: f64 = 1e-4;
 
 /// First and least step of the search for the start of a branch and for a peak, over the scale of the unknowns. Free of units. A larger
