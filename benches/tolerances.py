@@ -1,89 +1,200 @@
-"""Whether the tests that numbers of `tolerances` name see them: every number times 100 and over 100, in a copy of the sources.
+"""Whether tests see the numbers of `tolerances`: every number times 100 and over 100, in a copy of the core built once.
 
-python benches/tolerances.py                 numbers that name Rust tests: all at once, two builds of the library's tests
-python benches/tolerances.py modes::SHARP    these, each with the tests in Python that it names: two builds of the core each
+python benches/tolerances.py FOLDER                    every number, with the tests that it names; goes on where it stopped
+python benches/tolerances.py FOLDER modes::SHARP ...   these anew
+python benches/tolerances.py FOLDER modes::SHARP --with tests/linear/test_modal.py second_order::   with other tests than they name
+python benches/tolerances.py FOLDER --write            what was found, into benches/README.md
 
-A number is seen in a direction if one of its tests fails there. At once, a test may fail by another number; one at a time says more.
+FOLDER keeps the copy and what was found (found.jsonl); the copy is made anew where there is none. Python tests are read from this
+folder, not from the copy. A number is seen in a direction if a test fails there or does not end in several times its usual time.
 """
 
 from __future__ import annotations
 
+import json
+import os
 import re
 import subprocess
 import sys
+import time
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from core_copies import ROOT, built, copied
+from core_copies import ROOT, build_rust_tests, built, copy_sources
+from tables import folded, write
+from variable_tolerances import VARIABLE, make_variable
 
 sys.path.insert(0, str(ROOT / "tests"))
 
 from test_tolerances import ALL, RUST, Constant
 
-FACTORS = {"larger": 100.0, "smaller": 0.01}
+FACTORS = {"larger": "100", "smaller": "0.01"}
 
 
-def scaled(source: str, constant: Constant, factor: float) -> str:
-    """The source with one number changed; counts and numbers made of others stay."""
-    inside = re.search(rf"pub mod {constant.group} \{{", source)
-    start = inside.end() if inside else 0
-    changed, n = re.subn(
-        rf"(pub const {constant.name}: f64 = )([^;]+);", rf"\g<1>{factor!r} * (\g<2>);", source[start:], count=1
+@dataclass(frozen=True)
+class Tests:
+    """Names of Rust tests, or parts of them, and paths of Python tests."""
+
+    rust: tuple[str, ...]
+    python: tuple[str, ...]
+
+    def __bool__(self) -> bool:
+        return bool(self.rust or self.python)
+
+
+@dataclass(frozen=True)
+class Finding:
+    """How tests went with one number changed; ``failed`` names a test, is "hangs", or is empty where all passed."""
+
+    number: str
+    direction: str
+    failed: str
+    seconds: float
+
+
+def name(constant: Constant) -> str:
+    return f"{constant.group}::{constant.name}"
+
+
+def path_of(function: str) -> str:
+    files = (
+        path for path in sorted((ROOT / "tests").rglob("test_*.py")) if f"def {function}(" in path.read_text("utf-8")
     )
-    return source[:start] + changed if n else source
+    return f"{next(files).relative_to(ROOT)}::{function}"
 
 
-def change(copy: Path, constants: list[Constant], factor: float) -> None:
-    for home in (RUST / "tolerances.rs", *(RUST / "tolerances").glob("*.rs")):
-        text = home.read_text(encoding="utf-8")
-        for c in constants:
-            if c.group == home.stem or f"pub mod {c.group} {{" in text:
-                text = scaled(text, c, factor)
-        (copy / home.relative_to(ROOT)).write_text(text, encoding="utf-8")
+def named(constant: Constant) -> Tests:
+    """The tests that the text of a number names."""
+    paths, functions = constant.tests
+    functions = [f for f in functions if "_" in f]
+    python = [f for f in functions if f.startswith("test_")]
+    return Tests(tuple(f for f in functions if f not in python), (*map(path_of, python), *paths))
 
 
-def failed_rust_tests(copy: Path) -> set[str]:
-    command = ["cargo", "test", "--lib", "--no-fail-fast"]
-    done = subprocess.run(command, cwd=copy, capture_output=True, text=True, check=False)
-    if "test result" not in done.stdout:
-        raise SystemExit(done.stderr[-3000:])
-    return {name.rsplit("::", 1)[-1] for name in re.findall(r"^test (\S+) \.\.\. FAILED", done.stdout, re.M)}
+class Copy:
+    """A copy of the core whose numbers the environment changes, and the times that tests take in it."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.program = folder / "rust-tests"
+        self.unchanged: dict[Tests, tuple[str, float]] = {}
+        if not self.program.is_file():  # it is built last
+            self.make()
+
+    def make(self) -> None:
+        self.folder.mkdir(parents=True, exist_ok=True)
+        copy_sources(self.folder)
+        make_variable(self.folder)
+        built(self.folder)
+        build_rust_tests(self.folder)
+
+    def failed(self, tests: Tests, change: str = "", limit: float | None = None) -> str:
+        """The first test that fails with a number changed, "hangs" after ``limit`` seconds, or nothing."""
+        rust = [str(self.program), *tests.rust, "--test-threads", "1"]
+        python = [sys.executable, "-m", "pytest", "-x", "-n", "0", "--no-header", *tests.python]
+        environment = {**os.environ, VARIABLE: change, "PYTHONPATH": str(self.folder / "python")}
+        for command in [rust] * bool(tests.rust) + [python] * bool(tests.python):
+            try:
+                done = subprocess.run(
+                    command, cwd=ROOT, env=environment, capture_output=True, text=True, errors="replace", timeout=limit
+                )
+            except subprocess.TimeoutExpired:
+                return "hangs"
+            if done.returncode not in (0, 5):  # 5: no test of this name
+                return first_failure(done.stdout) or f"ends with {done.returncode}"
+        return ""
+
+    def usual(self, tests: Tests) -> tuple[str, float]:
+        """The test that fails without a change, which must be none, and the seconds that all take."""
+        if tests not in self.unchanged:
+            begin = time.monotonic()
+            self.unchanged[tests] = self.failed(tests), time.monotonic() - begin
+        return self.unchanged[tests]
 
 
-def python_fails(copy: Path, paths: list[str]) -> bool:
-    environment = built(copy)
-    command = [sys.executable, "-m", "pytest", "-q", "-x", "-n", "0", *paths]
-    return subprocess.run(command, cwd=copy, env=environment, capture_output=True, check=False).returncode == 1
+def first_failure(output: str) -> str:
+    found = re.search(r"^(?:FAILED|ERROR) (\S+)|^test (\S+) \.\.\. FAILED", output, re.MULTILINE)
+    return (found[1] or found[2]) if found else ""
 
 
-def report(seen: dict[str, list[str]]) -> None:
-    for name, directions in sorted(seen.items()):
-        print(f"{name:40} {' and '.join(directions) or 'not seen'}")
-    both = sum(len(d) == len(FACTORS) for d in seen.values())
-    print(f"{both} of {len(seen)} are seen in both directions")
+def find(copy: Copy, constant: Constant, direction: str, tests: Tests) -> Finding:
+    wrong, usual = copy.usual(tests)
+    if wrong:
+        raise SystemExit(f"{name(constant)}: {wrong} fails without any change")
+    begin = time.monotonic()
+    failed = copy.failed(tests, f"{name(constant)}={FACTORS[direction]}", 30.0 + 5.0 * usual)
+    return Finding(name(constant), direction, failed, round(time.monotonic() - begin, 1))
 
 
-def main(names: list[str]) -> None:
-    with copied() as copy:
-        seen: dict[str, list[str]] = {}
-        if names:
-            for c in (c for c in ALL if f"{c.group}::{c.name}" in names):
-                seen[f"{c.group}::{c.name}"] = found = []
-                for direction, factor in FACTORS.items():
-                    change(copy, [c], factor)
-                    if c.tests[0] and python_fails(copy, c.tests[0]):
-                        found.append(direction)
-        else:
-            pinned = [c for c in ALL if any("_" in f for f in c.tests[1])]
-            seen = {f"{c.group}::{c.name}": [] for c in pinned}
-            for direction, factor in FACTORS.items():
-                change(copy, pinned, factor)
-                failed = failed_rust_tests(copy)
-                for c in pinned:
-                    if failed & set(c.tests[1]):
-                        seen[f"{c.group}::{c.name}"].append(direction)
-        report(seen)
-        free = [c for c in ALL if "Pinned by" not in c.text]
-        print(f"{len(free)} of {len(ALL)} numbers name no test that pins them")
+def read(file: Path) -> dict[tuple[str, str], Finding]:
+    """What was found, the last where there is more."""
+    lines = file.read_text("utf-8").splitlines() if file.is_file() else []
+    found = (Finding(**json.loads(line)) for line in lines)
+    return {(f.number, f.direction): f for f in found}
+
+
+def run(folder: Path, names: list[str], others: Tests) -> None:
+    """Goes through all numbers that name tests, or through those of these names; results are kept as they come."""
+    file, copy = folder / "found.jsonl", Copy(folder)
+    done = {} if names else read(file)
+    for constant in ALL:
+        tests = others or named(constant)
+        if is_count(constant) or not tests or (names and name(constant) not in names):
+            continue
+        for direction in FACTORS:
+            if (name(constant), direction) in done:
+                continue
+            found = find(copy, constant, direction, tests)
+            print(f"{found.number:40} {direction:8} {found.seconds:6.1f} s  {found.failed or 'not seen'}", flush=True)
+            if not others:
+                with file.open("a", encoding="utf-8") as out:
+                    out.write(json.dumps(asdict(found)) + "\n")
+
+
+def is_count(constant: Constant) -> bool:
+    home = RUST / "tolerances" / f"{constant.group}.rs"
+    text = (home if home.is_file() else RUST / "tolerances" / "mod.rs").read_text("utf-8")
+    inside = text[text.find(f"pub mod {constant.group} {{") :] if not home.is_file() else text
+    found = re.search(rf"pub const {constant.name}: (\w+)", inside)
+    return found is not None and found[1] != "f64"
+
+
+def summary(folder: Path) -> str:
+    """How many numbers are seen, and which are not in both directions."""
+    found = read(folder / "found.jsonl")
+    numbers = [c for c in ALL if not is_count(c)]
+    run = {name(c): [found.get((name(c), d)) for d in FACTORS] for c in numbers if named(c)}
+    seen = {n: sum(f is not None and bool(f.failed) for f in cells) for n, cells in run.items()}
+    both, one, none = (sum(k == count for k in seen.values()) for count in (2, 1, 0))
+    unnamed = [f"`{name(c)}`" for c in numbers if not named(c)]
+    heads = ["| number | larger | smaller |", "| --- | --- | --- |"]
+    rows = [f"| `{n}` | {' | '.join(map(cell, run[n]))} |" for n in sorted(run, key=lambda n: -seen[n]) if seen[n] < 2]
+    return (
+        f"{len(run)} of {len(numbers)} numbers name tests: {both} are seen in both directions, {one} in one, {none} in none.\n\n"
+        + folded("\n".join(heads + rows), "not seen in both directions")
+        + "\n\n"
+        + folded(", ".join(unnamed) + ".", f"{len(unnamed)} name no test")
+    )
+
+
+def cell(finding: Finding | None) -> str:
+    if finding is None:
+        return "not run"
+    if finding.failed == "hangs":
+        return "seen (hangs)"
+    return "seen" if finding.failed else "not seen"
+
+
+def main(arguments: list[str]) -> None:
+    folder, *rest = arguments
+    if rest == ["--write"]:
+        write(summary(Path(folder)), "<!-- tolerances table begins -->", "<!-- tolerances table ends -->")
+        return
+    names = rest[: rest.index("--with")] if "--with" in rest else rest
+    others = rest[len(names) + 1 :]
+    python = [test for test in others if test.startswith("tests/")]
+    tests = Tests(tuple(test for test in others if test not in python), tuple(python))
+    run(Path(folder).resolve(), names, tests)
 
 
 if __name__ == "__main__":

@@ -1,5 +1,6 @@
 """Where a motion has no derivative: kinks of laws are named with time and element, impacts of drives are refused."""
 
+import contextlib
 import warnings
 
 import jitter
@@ -81,10 +82,10 @@ def test_many_kinks_are_counted():
     assert np.all(np.diff([k[0] for k in found.kinks]) > 0)
 
 
-def driven(motion):
+def driven(motion, velocity=(0.0, 0.0, 0.0)):
     m = mb.Model("driven")
-    p = m.body("p", mass=1.0, inertia=(1, 1, 1), at=(0, 0, 0))
-    q = m.body("q", mass=1.0, inertia=(1, 1, 1), at=(0.5, 0, 0))
+    p = m.body("p", mass=1.0, inertia=(1, 1, 1), at=(0, 0, 0), velocity=velocity)
+    q = m.body("q", mass=1.0, inertia=(1, 1, 1), at=(0.5, 0, 0), velocity=velocity)
     rail = m.prismatic("rail", m.ground, p, at=(0, 0, 0), axis="x")
     m.prismatic("spring", p, q, at=(0.5, 0, 0), axis="x", k=50.0)
     m.drive("motor", rail, motion)
@@ -104,6 +105,16 @@ def test_an_impact_is_not_differentiable(motion, method):
         mb.gradient(m, psi, "spring.k", t=0.2, step=0.01, method=method)
     # before it there is one
     assert np.isfinite(mb.gradient(m, psi, "spring.k", t=0.09, step=0.01, method=method).gradient).all()
+
+
+@pytest.mark.parametrize("change, impact", [(1e-10, False), (-1e-10, False), (1e-8, True), (-1e-8, True)])
+def test_a_rate_that_changes_by_rounding_is_no_impact(change, impact):
+    m = driven(mb.Table([-1.0, 0.1, 1.1], [-1.0, 0.1, 1.1 + change], kind="linear"), velocity=(1.0, 0.0, 0.0))
+    expected = (
+        pytest.raises(mb.errors.NotDifferentiableError, match="an impact") if impact else contextlib.nullcontext()
+    )
+    with expected:
+        mb.gradient(m, mb.Final(lambda s: s.position("q")[0]), "spring.k", t=0.2, step=0.01)
 
 
 def test_loads_with_kinks_end_a_step_there():

@@ -164,16 +164,28 @@ def test_a_freedom_without_inertia_is_named():
         mb.modes(m)
 
 
-def test_a_spring_that_shrank_to_a_point_says_so():
-    """Its direction is lost: an error or finite numbers, never NaN."""
+def shrunk(length):
+    """A spring at a state at which it is so long."""
     m = mb.Model("collapsed")
     b = m.body("b", mass=1.0, inertia=(1, 1, 1), at=(1, 0, 0))
     m.prismatic("rail", m.ground, b, at=(1, 0, 0), axis="x")
     m.spring_damper("s", m.ground, b, at=((0, 0, 0), (1, 0, 0)), k=10.0)
     relative = mb.linearize(m).state.q
-    at = State(compiled(m).advance(relative, np.array([-1.0])), np.zeros(0))
+    return m, State(compiled(m).advance(relative, np.array([length - 1.0])), np.zeros(0))
+
+
+@pytest.mark.parametrize("length", [0.0, 1e-13])
+def test_a_spring_that_shrank_to_a_point_says_so(length):
+    """Its direction is lost: an error or finite numbers, never NaN."""
+    m, at = shrunk(length)
     with pytest.raises(MbrsError, match=r"'s'"):
         mb.linearize(m, at=at)
+
+
+@pytest.mark.filterwarnings("ignore::mbrs.errors.MbrsWarning")
+def test_a_spring_that_is_longer_than_rounding_has_a_direction():
+    m, at = shrunk(1e-11)
+    assert mb.linearize(m, at=at).K[0, 0] == pytest.approx(10.0, rel=1e-12)
 
 
 def test_off_equilibrium_warns_with_the_acceleration():

@@ -160,6 +160,23 @@ def test_a_straight_column_above_its_load_is_unstable():
                 assert not mb.equilibrium(m).stable
 
 
+@pytest.mark.filterwarnings("ignore::mbrs.errors.MbrsWarning")
+@pytest.mark.parametrize("part, stable", [(1e-10, True), (1e-8, False)])
+def test_a_stiffness_that_is_negative_by_rounding_does_not_fall(part, stable):
+    """A bushing whose x and y together have hardly any stiffness."""
+    m = mb.Model("neutral", gravity=(0, 0, 0))
+    b = m.body("b", mass=1.0, inertia=(1, 1, 1), at=(1, 0, 0))
+    stiffness = np.eye(6)
+    stiffness[0, 1] = stiffness[1, 0] = 1.0
+    stiffness[1, 1] = 1.0 - 2.0 * part
+    m.bushing("s", m.ground, b, at=(1, 0, 0), k=stiffness)
+    try:
+        found = mb.equilibrium(m).stable
+    except mb.ConvergenceError:  # noise on the numbers pushes it: it falls without end
+        found = False
+    assert found == stable
+
+
 def test_an_unstable_end_of_a_search_is_not_called_a_balanced_start():
     """Two links under a force along the second and a small one across: the search ends off the drawn pose, unstable."""
     m = mb.Model("pushed column")

@@ -203,6 +203,23 @@ def test_a_damper_to_ground_makes_the_mobility_finite():
         assert np.isinf(frf(s, 0, 0, omega=[0.0]).value[0, 0, 0])
 
 
+@pytest.mark.filterwarnings("ignore::mbrs.errors.MbrsWarning")
+@pytest.mark.parametrize("share, infinite", [(1e-11, False), (1e-9, True)])
+def test_a_free_motion_that_an_output_hardly_sees_is_none(share, infinite):
+    s = MechanicalSystem(np.eye(2), None, np.diag([0.0, 1.0]))
+    h = frf(s, np.array([1.0, 1.0]), np.array([share, 1.0]), omega=[0.0])
+    assert np.isinf(h.value[0, 0, 0]) == infinite
+    assert infinite or abs(h.value[0, 0, 0] - 1.0) < 1e-14
+
+
+@pytest.mark.filterwarnings("ignore::mbrs.errors.MbrsWarning")
+@pytest.mark.parametrize("damping, infinite", [(1e-13, True), (1e-11, False)])
+def test_damping_of_a_free_motion_that_is_rounding_is_none(damping, infinite):
+    s = MechanicalSystem(np.eye(2), np.diag([damping, 1.0]), np.diag([0.0, 1.0]))
+    value = frf(s, 0, 0, omega=[0.0], kind="mobility").value[0, 0, 0]
+    assert np.isinf(value) if infinite else abs(value * damping - 1.0) < 1e-12
+
+
 def test_singular_mass_goes_direct():
     s = MechanicalSystem(np.diag([1.0, 0.0]), np.diag([0.1, 0.2]), [[2.0, -1.0], [-1.0, 1.0]])
     omega = np.linspace(0.0, 3.0, 7)

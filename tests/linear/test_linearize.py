@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import warnings
+
 import mbrs as mb
 import numpy as np
 import pytest
@@ -108,6 +110,17 @@ def test_given_velocities_are_projected_on_loops(kinds, rod):
     worst = difference(m, state)
     show("projected velocities", worst)
     assert max(worst.values()) < TOLERANCE
+
+
+@pytest.mark.parametrize("share, status", [(1e-7, "converged"), (1e-5, "off-equilibrium")])
+def test_a_millionth_of_the_forces_may_be_out_of_balance(share, status):
+    m = mb.Model("weight", gravity=(0, 0, -10.0))
+    b = m.body("b", mass=2.0, inertia=(1, 1, 1), at=(0, 0, -1))
+    m.prismatic("rail", m.ground, b, at=(0, 0, -1), axis="z")
+    m.spring_damper("s", m.ground, b, at=((0, 0, 0), (0, 0, -1)), k=100.0, preload=20.0 * (1.0 - share))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", mb.MbrsWarning)
+        assert mb.linearize(m).status == status
 
 
 def test_inconsistent_velocities_are_reported():

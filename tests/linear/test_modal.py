@@ -399,3 +399,33 @@ def test_the_dominant_body_comes_with_its_direction():
     columns, rows = modes.rows()
     named = [row[columns.index("dominant")] for row in rows]
     assert sorted(named[:3]) == ["payload x", "payload y", "payload z"] and named[5] == "payload rz"
+
+
+def work(C, K):
+    """What modes of unit masses count."""
+    return modes(MechanicalSystem(np.eye(2), C, K)).stats.counts
+
+
+@pytest.mark.parametrize("coupling, tried", [(1e-9, True), (1e-7, False)])
+def test_damping_that_does_not_commute_is_not_tried_as_proportional(coupling, tried):
+    counts = work([[0.1, coupling], [coupling, 0.3]], np.diag([1.0, 2.0]))
+    assert ("symmetric eigensolutions" in counts) == tried
+
+
+@pytest.mark.parametrize("coupling, proportional", [(1e-9, True), (1e-8, False)])
+def test_damping_between_modes_counts_by_its_square_over_their_distance(coupling, proportional):
+    counts = work([[0.1, coupling], [coupling, 0.1]], np.diag([1.0, 1.0001]))
+    assert counts["symmetric eigensolutions"] == 1 and ("general eigensolutions" not in counts) == proportional
+
+
+@pytest.mark.parametrize("apart, asked", [(1e-9, True), (1e-7, False)])
+def test_pivots_of_rounding_leave_the_rank_to_an_eigenproblem(apart, asked):
+    counts = work([[0.1, 0.05], [0.05, 0.3]], [[1.0, 1.0 - apart], [1.0 - apart, 1.0]])
+    assert ("rank tests" in counts) == asked
+
+
+@pytest.mark.parametrize("apart, together", [(1e-7, True), (1e-5, False)])
+def test_roots_that_nearly_meet_are_told(apart, together):
+    """Damping that is critical but for half the square of the distance between the two roots from their mean."""
+    for damping in (2.0 - apart**2, 2.0 + apart**2):
+        assert modes(MechanicalSystem([[1.0]], [[damping]], [[1.0]])).near_defective.tolist() == [together]

@@ -469,6 +469,16 @@ def test_no_output_is_lost_beside_a_kink(method, off):
     assert len(traj.t) == 21 and traj.t[-1] == 0.4
 
 
+@pytest.mark.parametrize("part, stored", [(1e-13, True), (1e-11, False)])
+def test_a_bushing_that_is_symmetric_to_rounding_has_an_energy(part, stored):
+    m = mb.Model("bushing", gravity=(0, 0, 0))
+    b = m.body("b", mass=1.0, inertia=(1, 1, 1), at=(1, 0, 0), velocity=(0.1, 0, 0))
+    stiffness = 10.0 * np.eye(6)
+    stiffness[0, 1], stiffness[1, 0] = 1.0, 1.0 + part
+    m.bushing("s", m.ground, b, at=(1, 0, 0), k=stiffness)
+    assert ("s" in mb.simulate(m, [0.0, 0.1]).energy.stored) == stored
+
+
 def test_energies_print_as_a_table():
     energy = mb.simulate(zoo.bushings().model, 0.1).energy
     text = str(energy)

@@ -33,11 +33,11 @@ def test_random_trees_accelerate_as_the_reference_says(seed):
     assert apart < 1e-12 + 10 * jitter.level()
 
 
-def coaxial(shift):
+def coaxial(shift, inertia=1e-30):
     """Two hinges in a row about the same axis, of which only the second moves a body with inertia."""
     m = mb.Model("coaxial", gravity=(0.3, -2.0, 9.0))
     axis = np.array([0.36, 0.48, 0.8])
-    light = m.body("light", mass=1e-30, inertia=(1e-30,) * 3, at=(0, 0, 0))
+    light = m.body("light", mass=1e-30, inertia=(inertia,) * 3, at=(0, 0, 0))
     heavy = m.body("heavy", mass=1.0, inertia=(0.1, 0.2, 0.25), at=(0.3, 0.1, -0.2))
     m.revolute("first", m.ground, light, at=(0, 0, 0), axis=axis)
     m.revolute("second", light, heavy, at=(shift, 0.0, 0.0), axis=axis)
@@ -54,6 +54,14 @@ def test_coordinates_without_inertia_of_their_own():
     expected = started(m)[1]
     print(found, expected, counts)
     assert "mass factorisations" in counts and abs(found.sum() - expected[0]) < 1e-9 * abs(expected[0])
+
+
+@pytest.mark.parametrize("part, route", [(2e-13, "mass factorisations"), (2e-11, "tree recursions")])
+def test_inertia_that_is_rounding_beside_the_bodies_farther_out_is_left_to_factors(part, route):
+    """The light body alone resists turns of the first hinge against the second; over the inertia of both about their axis."""
+    axis, place = np.array([0.36, 0.48, 0.8]), np.array([0.3, 0.1, -0.2])
+    about = axis**2 @ [0.1, 0.2, 0.25] + np.sum(np.cross(axis, place) ** 2)
+    assert started(coaxial(0.0, part * about))[2].get(route, 0) > 0
 
 
 def test_long_chains_take_one_recursion_an_evaluation():

@@ -503,6 +503,19 @@ mod tests {
         assert!(right > 40 * LANES * 9 / 10, "{right}");
     }
 
+    #[test]
+    fn a_remainder_counts_from_its_bound_on() {
+        let band = Band::new(1, &[(0, 0, [0.0, 0.0, 1.0])], 1).unwrap();
+        let own = band.factored(&[0.0; LANES]);
+        let counted = |off: f64| {
+            let (mut residual, mut left) = ([Lanes::ZERO], [0.0; LANES]);
+            remainder(&own, 1, &[Lanes::real(1.0)], &[Lanes::real(1.0 + off)], &mut residual, &mut left);
+            left[0] > 0.0
+        };
+        assert!(!counted(0.0) && !counted(f64::EPSILON) && !counted(1.5e-15));
+        assert!(counted(3e-15) && counted(1e-13));
+    }
+
     fn chain(n: usize) -> Vec<Entry> {
         let one = |i: usize| {
             [(i, i, [1.0, 0.0, 2.0]), (i, (i + 1) % n, [0.0, 0.0, -1.0]), ((i + 1) % n, i, [0.0, 0.0, -1.0])]

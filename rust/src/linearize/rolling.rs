@@ -331,8 +331,8 @@ mod tests {
     fn a_force_is_seen_from_its_bound_on() {
         let e = DMatrix::from_fn(3, 3, |i, j| if (i, j) == (0, 1) { 1.0 } else { 0.0 });
         let unseen_of = |c0: f64| unseen(DMatrix::from_row_slice(2, 3, &[c0, 0.0, 0.0, 0.0, 0.0, 1.0]), &e);
-        assert_eq!(unseen_of(0.9 * UNFELT).map(|u| u.ncols()), Some(2));
-        assert_eq!(unseen_of(1.1 * UNFELT).map(|u| u.ncols()), None);
+        assert_eq!(unseen_of(0.9e-8).map(|u| u.ncols()), Some(2));
+        assert_eq!(unseen_of(1.1e-8).map(|u| u.ncols()), None);
     }
 
     /// At the smallest angle between U and the rows' motions N E keeps the digits that straight rolling is held to.
@@ -340,8 +340,8 @@ mod tests {
     fn directions_are_apart_from_their_bound_on() {
         let e = DMatrix::from_row_slice(2, 2, &[0.0, 0.0, 0.7, 0.0]);
         let at = |sine: f64| staying(&DMatrix::from_column_slice(2, 1, &[(1.0 - sine * sine).sqrt(), sine]), &e, 1);
-        assert!(at(0.9 * APART).is_none());
-        let sine = 1.1 * APART;
+        assert!(at(0.9e-4).is_none());
+        let sine = 1.1e-4_f64;
         let cotangent = (1.0 - sine * sine).sqrt() / sine;
         let made = at(sine).map(|m| (m[(0, 0)], m[(1, 0)]));
         let close = |(x, y): (f64, f64)| {

@@ -244,6 +244,14 @@ mod tests {
         }
     }
 
+    /// Two intervals at rest: the equations are the differences of the three states.
+    #[test]
+    fn states_are_solved_up_to_their_bound() {
+        let at = |z: f64| StateSlopes { z, force: [0.0; 4], rate: [0.0; 4], rate_size: 0.0 };
+        let solved = |off: f64| Pair { first: at(1.0), middle: at(1.0 + off), end: at(1.0), h: 1.0 }.is_solved();
+        assert!(solved(0.0) && solved(30.0 * f64::EPSILON) && !solved(34.0 * f64::EPSILON));
+    }
+
     /// Random laws on random motions in random units, also sampled far too coarsely: what is accepted solves the formula.
     #[test]
     fn every_accepted_state_solves_its_equations() {

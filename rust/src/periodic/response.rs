@@ -415,16 +415,7 @@ impl Follower {
 
     /// The kind follows from where the root crosses, if it does so within a fraction of the base frequency.
     fn push_crossing(&mut self, point: Point, exponent: c64, axis: f64) {
-        let w0 = self.problem.base_frequency();
-        let kind = if exponent.re.is_nan() || exponent.re.abs() > axis * w0 {
-            Kind::Grazing
-        } else if (exponent.im.abs() / w0 - 0.5).abs() < RESONANT {
-            Kind::PeriodDoubling
-        } else if exponent.im.abs() < RESONANT * w0 {
-            Kind::BranchPoint
-        } else {
-            Kind::NeimarkSacker
-        };
+        let kind = crossing(exponent, self.problem.base_frequency(), axis);
         self.push_event(kind, Some(point), Some(exponent));
     }
 
@@ -520,9 +511,31 @@ fn nth_growth(exponents: &[c64], n: usize) -> f64 {
     by_growth(exponents.to_vec()).get(n).map_or(f64::NAN, |s| s.re)
 }
 
+/// The bifurcation where an exponent is on the imaginary axis.
+fn crossing(exponent: c64, w0: f64, axis: f64) -> Kind {
+    if exponent.re.is_nan() || exponent.re.abs() > axis * w0 {
+        Kind::Grazing
+    } else if (exponent.im.abs() / w0 - 0.5).abs() < RESONANT {
+        Kind::PeriodDoubling
+    } else if exponent.im.abs() < RESONANT * w0 {
+        Kind::BranchPoint
+    } else {
+        Kind::NeimarkSacker
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn where_an_exponent_crosses_tells_the_kind() {
+        let w0 = 3.7;
+        let kind = |re: f64, im: f64| crossing(c64::new(re * w0, im * w0), w0, AXIS);
+        assert_eq!([1e-5, 1e-3].map(|im| kind(0.0, im)), [Kind::BranchPoint, Kind::NeimarkSacker]);
+        assert_eq!([1e-5, 1e-3].map(|off| kind(0.0, 0.5 - off)), [Kind::PeriodDoubling, Kind::NeimarkSacker]);
+        assert_eq!([1e-7, 1e-5].map(|re| kind(re, 0.0)), [Kind::BranchPoint, Kind::Grazing]);
+    }
 
     #[test]
     fn growth_counts_from_its_bound_on() {

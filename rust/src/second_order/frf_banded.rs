@@ -106,7 +106,8 @@ mod tests {
         let banded = Banded::new(system.band().unwrap(), &system, &ports);
         let lowest = 2.0 * (0.5 * std::f64::consts::PI / (n + 1) as f64).sin();
         let answers = |apart: f64| banded.several(&[lowest * (1.0 + apart)])[0].is_some();
-        assert!(answers(1e-3) && answers(1e-6) && !answers(1e-13));
+        // motion times dynamic stiffness over the load is 22 over this distance
+        assert!(answers(1e-3) && answers(1e-10) && !answers(4e-12) && !answers(1e-13));
     }
 
     #[test]

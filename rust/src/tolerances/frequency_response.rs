@@ -2,6 +2,7 @@
 
 /// A route of evaluation is taken where it agrees with refined direct solutions this well, or as well as unrefined ones do. Larger: digits
 /// are given away. Smaller: the slow route is taken.
+/// Pinned by `critical_damping_falls_back_to_hessenberg`, from below.
 pub const ACCEPTED: f64 = 1e-11;
 /// Even where unrefined solutions are worse than this.
 pub const WORST_ACCEPTED: f64 = 1e-9;
@@ -76,10 +77,12 @@ pub const ZERO_POLE: f64 = 1e-6;
 
 /// Size of a singular direction as an output sees it times as an input drives it, over the sizes of both, below which it is not there.
 /// Larger: weakly driven rigid motion is lost. Smaller: rounding makes responses infinite.
+/// Pinned by `test_a_free_motion_that_an_output_hardly_sees_is_none`.
 pub const UNSEEN: f64 = 1e-10;
 
 /// Damping on a singular direction, over the size of the damping matrix, that is rounding. Larger: weak damping of free motions is lost.
 /// Smaller: rounding damps them.
+/// Pinned by `test_damping_of_a_free_motion_that_is_rounding_is_none`.
 pub const UNRESISTED: f64 = 1e-12;
 
 /// A feedthrough that is a difference of two terms is zero below this part of them. Larger: small feedthroughs are lost. Smaller:

@@ -12,6 +12,7 @@ pub const ASYMMETRY: f64 = 1e-10;
 
 /// The same of one spring, from which on its stiffness is not that of an energy. Larger: energy balances are off without a word. Smaller:
 /// turned matrices of a symmetric stiffness have no energy.
+/// Pinned by `test_a_bushing_that_is_symmetric_to_rounding_has_an_energy`.
 pub const NO_ENERGY: f64 = 1e-12;
 
 /// Eigenvalues of one spring below this part of its largest are directions in which it does not act. Larger: weak directions are
@@ -41,7 +42,7 @@ pub const QUASI_DEFINITE: f64 = 1e-7;
 
 /// Residual of a row over the sum of its absolute terms that is no more than rounding: the solution is that of a matrix whose entries differ
 /// by so much of themselves. Larger: digits are given away. Smaller: corrections of nothing, and solutions of slow routes.
-/// Pinned by `random_systems_are_solved_as_by_dense_factorisation`.
+/// Pinned by `a_remainder_counts_from_its_bound_on` and `random_systems_are_solved_as_by_dense_factorisation`.
 pub const BACKWARD: f64 = 1e-15;
 
 /// Corrections of a solution of a band without pivots, by its residual. Larger: frequencies at which leading blocks are singular, which no

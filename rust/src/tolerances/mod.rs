@@ -79,11 +79,12 @@ pub mod coordinates {
     pub const NEARLY_PARALLEL: f64 = std::f64::consts::FRAC_1_SQRT_2;
 
     /// How far the quaternion of a state that is handed over may be from length one. Larger: what is no rotation is taken for one.
-    /// Smaller: states read from text with five digits are refused. Pinned by `tests/system/test_coordinates.py` between 1e-6 and 1e-2.
+    /// Smaller: states read from text with five digits are refused. Pinned by `tests/system/test_coordinates.py` between 1e-5 and 1e-3.
     pub const UNIT_QUATERNION: f64 = 1e-4;
 
     /// Points nearer to each other than this part of the size of the model or of their distance from the origin are one: nothing has a
     /// direction between them, and a spring is not stretched. Larger: short parts collapse. Smaller: rounding has a direction.
+    /// Pinned by `test_a_spring_that_shrank_to_a_point_says_so` and `test_a_spring_that_is_longer_than_rounding_has_a_direction`.
     pub const SAME_POINT: f64 = 1e-12;
 }
 
@@ -131,6 +132,7 @@ pub mod equilibrium {
 
     /// Negative stiffness, over the largest of its island, from which on an equilibrium is not stable. Larger: weak instabilities are
     /// called stable. Smaller: what is neutral falls by rounding.
+    /// Pinned by `test_a_stiffness_that_is_negative_by_rounding_does_not_fall`.
     pub const FALLS: f64 = 1e-9;
 
     /// Unbalance, free of units, and step, in characteristic lengths or radians, that end the search: either alone at rounding; both together.
@@ -174,6 +176,7 @@ pub mod linearisation {
 
     /// An unbalanced force above this part of all forces makes a linearisation at rest questionable, and is told. Larger: matrices of a
     /// state that does not last pass without a word. Smaller: models in balance but for the digits of their drawing are warned of.
+    /// Pinned by `test_a_millionth_of_the_forces_may_be_out_of_balance`.
     pub const BALANCED: f64 = 1e-6;
 
     /// Change of the given velocities, over their size, from which on it is told that they contradict the joints. Larger: contradictions
@@ -260,6 +263,7 @@ pub mod aero {
 pub mod sensitivity {
     /// A given rate jumps where it changes by more than this part of itself: an impact. Larger: impacts have derivatives that are wrong.
     /// Smaller: rounding of pieces of a motion is an impact.
+    /// Pinned by `test_a_rate_that_changes_by_rounding_is_no_impact`.
     pub const IMPACT: f64 = 1e-9;
 
     /// Openings of loops, and rates at which they open by a parameter, below this are rounding (lengths over those of their loop, radians).

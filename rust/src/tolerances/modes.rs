@@ -21,7 +21,8 @@ pub const SAME_SHAPE: f64 = 1e-3;
 
 /// Relative effect on a squared frequency up to which damping between two undamped modes is left out; it is added to the error.
 /// Too large: shapes of coupled damping are real although they are not. Too small: rounding of proportional damping sends a
-/// system to the general route. Pinned by tests/linear/test_modal.py (proportional damping) and tests/truth/test_graded_modes.py.
+/// system to the general route. Pinned by
+/// `test_damping_between_modes_counts_by_its_square_over_their_distance`.
 pub const UNCOUPLED: f64 = 1e-13;
 
 /// Multiple of the last place of a diagonal entry (in units of the masses) up to which an entry that no semidefinite matrix can have
@@ -87,6 +88,7 @@ pub const LIGHTEST: f64 = 1e-5;
 /// |psi^T Q'(s) phi| relative to its terms, below which a root counts as near-defective: two roots of one mode then agree to about this,
 /// and a damping ratio is within about its square of one. Larger: healthy roots are told as defective. Smaller: shapes of a defect, which
 /// rounding chooses, pass without a word.
+/// Pinned by `test_roots_that_nearly_meet_are_told`.
 pub const NEAR_DEFECTIVE: f64 = 1e-6;
 
 /// Roots further apart than this, over their size, are never called repeated, however badly conditioned they are. Larger: distinct
@@ -95,6 +97,7 @@ pub const CLOSEST: f64 = 1e-8;
 
 /// Separation of a root (as of `NEAR_DEFECTIVE`) below which a first-order correction says nothing. Larger: corrections are left
 /// out that would gain digits. Smaller: corrections of rounding.
+/// Pinned by `roots_that_are_hardly_separated_are_not_corrected`.
 pub const SEPARATED: f64 = 1e-4;
 
 /// Relative distance of two roots with one shape that Newton's method has led to one place. Larger: close roots are called one.
@@ -103,6 +106,7 @@ pub const TWICE: f64 = 1e-9;
 
 /// Pivots of an equilibrated matrix above this prove full rank without an eigenproblem. Larger: time is lost. Smaller: rank is decided by
 /// pivots, which see it to within a factor of the size of the matrix.
+/// Pinned by `test_pivots_of_rounding_leave_the_rank_to_an_eigenproblem`.
 pub const CLEARLY_REGULAR: f64 = 1e-8;
 
 /// Smallest eigenvalue in units of the masses, over the largest, from which on nothing asks for rigid modes. The margin is wide since
@@ -136,6 +140,7 @@ pub const ISOTROPIC: f64 = 1e-4;
 
 /// Relative commutator of stiffness and damping above which damping is not proportional, before any eigenproblem is solved. Larger: an
 /// eigenproblem is solved for nothing. Smaller: rounding sends proportional damping to the general route.
+/// Pinned by `test_damping_that_does_not_commute_is_not_tried_as_proportional`.
 pub const COMMUTING: f64 = 1e-8;
 
 /// Sign characteristic of a real root, over its terms, that counts as zero. Larger: overdamped pairs are formed by likeness alone.

@@ -41,12 +41,12 @@ pub const STATE_CLOSED: f64 = 1e-13;
 
 /// Rounding of the equations between two samples of a law's state, in units of eps times the sum of their absolute terms. Free of
 /// units. Too large: states that solve nothing pass; too small: laws that relax fast are refused.
-/// Pinned by `every_accepted_state_solves_its_equations` of `hbm::periodic_state`.
+/// Pinned by `states_are_solved_up_to_their_bound` and `every_accepted_state_solves_its_equations` of `periodic::periodic_state`.
 pub const STATE_ROUNDING: f64 = 16.0;
 
 /// Largest |Re s| over the base frequency of an exponent that crosses the imaginary axis at a point that was solved for. Free of
 /// units. Too large: jumps of the exponents where a contact closes are called bifurcations; too small: bifurcations of stiff systems,
-/// whose exponents have rounding, are lost. Pinned by tests/truth/test_hbm_events.py.
+/// whose exponents have rounding, are lost. Pinned by `where_an_exponent_crosses_tells_the_kind`.
 pub const AXIS: f64 = 1e-6;
 
 /// The same on the unstable side of a border that was bracketed, where two exponents that meet on the axis part like the root of the
@@ -92,6 +92,7 @@ pub const STEEPER: f64 = 2.0;
 /// Distance of Im s from 0 and from half of the base frequency, over the base frequency, within which a crossing exponent is real or
 /// doubles the period. Free of units. Too large: slow tori are called branch points; too small: rounding of a double exponent
 /// makes a torus of a branch point.
+/// Pinned by `where_an_exponent_crosses_tells_the_kind`.
 pub const RESONANT: f64 = 1e-4;
 
 /// First and least step of the search for the start of a branch and for a peak, over the scale of the unknowns. Free of units. A larger

@@ -75,9 +75,11 @@ pub const SAME_ROOT: f64 = 1e-7;
 pub const GROWS: f64 = 1e-10;
 /// Turn of the argument of a determinant, in radians, that the last terms of its series may make on one panel of a path. Larger: wrong counts
 /// of roots. Smaller: determinants without need.
+/// Pinned by `roots_in_discs_are_counted`, from above.
 pub const COUNT_TURN: f64 = 0.02;
 /// Distance of all turns from a whole number of half turns, in radians, up to which it counts roots. Larger: a root is lost. Smaller:
 /// rounding leaves counts open.
+/// Pinned by `roots_in_discs_are_counted`, from below.
 pub const COUNT_DOUBT: f64 = 0.3;
 /// Panels of a path after which a count is left open. Larger: work without end where roots lie on the path. Smaller: counts are left open
 /// that need not be.

@@ -237,3 +237,15 @@ fn judge(
         separation: if slope > 0.0 { denominator.norm() / slope } else { 0.0 },
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn roots_that_are_hardly_separated_are_not_corrected() {
+        let (s, step) = (C::new(-0.1, 2.0), C::new(1e-6, -1e-6));
+        let by = |separation: f64| corrected(s, step, separation, Correction::Any);
+        assert!(by(1e-5).is_none() && by(1e-3) == Some(s - step));
+    }
+}
