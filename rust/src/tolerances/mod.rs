@@ -1,7 +1,7 @@
 //! Every number that decides something: its meaning, its unit, and what goes wrong when it is too large or too small.
 //!
-//! "Pinned by": a test fails at a hundred times the number and at a hundredth of it, or on one of these sides. "Used by": these tests
-//! depend on what it decides, but pass at both. `benches/tolerances.py` tells which, and on which side.
+//! "Pinned by": a test fails at a hundred times the number and at a hundredth of it, or on one of these sides. "Used by": tests
+//! of what it decides, which pass at both. `benches/tolerances.py` tells which, and on which side.
 
 pub mod frequency_response;
 pub mod matrices;
