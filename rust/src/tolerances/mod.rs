@@ -1,4 +1,7 @@
 //! Every number that decides something: its meaning, its unit, and what goes wrong when it is too large or too small.
+//!
+//! "Pinned by": a test fails at a hundred times the number and at a hundredth of it, or on one of these sides. "Used by": tests
+//! of what it decides, which pass at both. `benches/tolerances.py` tells which, and on which side.
 
 pub mod frequency_response;
 pub mod matrices;
@@ -13,12 +16,12 @@ pub mod steps;
 pub mod constraints {
     /// Relative accuracy of a drawing where the model does not say: lengths over those of their loop, angles in radians.
     /// Larger: loops that are locked by a small angle move. Smaller: linkages drawn with eight digits are locked.
-    /// Seen by `tests/invariance/test_tilted_four_bar.py`; not scanned.
+    /// Used by `tests/invariance/test_tilted_four_bar.py`.
     pub const DRAWING: f64 = 1e-7;
 
     /// Rounding of one entry of a constraint row, in units of the sizes of what was subtracted for it, over eps.
     /// Larger: a model far from the origin has doubtful loops. Smaller: rows of rounding lock a door on two hinges.
-    /// Seen by `tests/invariance/test_rank.py`; not scanned.
+    /// Used by `tests/invariance/test_rank.py`.
     pub const ENTRY_ROUNDING: f64 = 4.0;
 
     /// Singular values between the tolerance and this many times it make a constraint that is named as doubtful.
@@ -38,17 +41,17 @@ pub mod constraints {
 
     /// How far redundant rows may open in motion, over the tolerance of the drawing: rows that part by s per radian of the freed
     /// direction open by up to some ten s over a large motion. Larger: a lost constraint is seen late. Smaller: doubtful linkages stop.
-    /// Seen by `tests/invariance/test_tilted_four_bar.py`; not scanned.
+    /// Used by `tests/invariance/test_tilted_four_bar.py`.
     pub const REDUNDANT_OPEN: f64 = 1e2;
 
     /// Second-order form of a redundant combination on the motions that the rows leave free, over the tolerance of the drawing, from
     /// which on its pose is singular: there the constraints part like the square of the way. Larger: bifurcations are linearised.
-    /// Smaller: linkages that are drawn inaccurately are called singular. Pinned by `tests/system/test_loops.py`.
+    /// Smaller: linkages that are drawn inaccurately are called singular. Used by `tests/system/test_loops.py`.
     pub const SINGULAR_POSE: f64 = 1e2;
 
     /// Length of the look beside a drawn pose, in lengths of the loop or radians, by which a pose of lower rank is seen.
     /// Larger: the way back to the constraints is long. Smaller: the second-order part of a change point drowns in the tolerance.
-    /// Seen by `tests/invariance/test_rank.py`; not scanned.
+    /// Used by `tests/invariance/test_rank.py`.
     pub const PROBE: f64 = 1e-2;
 
     /// Rows that are as long as the longest but for this part are equally good pivots: the first is taken, so that neither rounding nor
@@ -92,7 +95,7 @@ pub mod coordinates {
 pub mod equilibrium {
     /// Stiffness below this part of the largest of its island counts as none. Coordinates that are held softly are stretched before.
     /// Larger: soft springs do not hold. Smaller: rounding holds what nothing restrains.
-    /// Pinned by tests/truth/test_soft_and_stiff.py (hanging chains) and tests/linear/test_equilibrium.py.
+    /// Used by tests/truth/test_soft_and_stiff.py (hanging chains) and tests/linear/test_equilibrium.py.
     pub const NO_STIFFNESS: f64 = 1e-12;
 
     /// A force along a direction without stiffness, over the size of the forces in its island, that moves it; left over along any
@@ -104,12 +107,12 @@ pub mod equilibrium {
     /// Forces at work in an island, over its stiffness (times a radian or the characteristic length), that are no load but what the
     /// last digits of a drawing make: then a rounding of places that is not small beside them is not told. Larger: forces in stiff parts
     /// are called converged that are rounding. Smaller: unloaded models, drawn with noise in the last digits, are called unresolved.
-    /// Pinned by tests/linear/test_equilibrium_estimate.py and the suite with jitter.
+    /// Used by tests/linear/test_equilibrium_estimate.py and the suite with jitter.
     pub const UNLOADED: f64 = 1e-11;
 
     /// Diagonal entries of the stiffness (radians, characteristic lengths) below this part of the largest of their island are made as
     /// large by stretching their coordinates, before eigenvalues are told from zero. Larger: searches go other ways than the
-    /// stiffness does. Smaller: springs of very different stiffness drown each other. Pinned by tests/truth/test_soft_and_stiff.py.
+    /// stiffness does. Smaller: springs of very different stiffness drown each other. Used by tests/truth/test_soft_and_stiff.py.
     pub const GRADED: f64 = 1e-6;
 
     /// Rounding of a force or of an entry of the stiffness, in units of the sizes of what was added up for it and of the distance from
@@ -119,7 +122,7 @@ pub mod equilibrium {
 
     /// Force that velocity rows which steer carry, over the size of the forces in its island, from which on a place is one of a family.
     /// Larger: the place of a family is followed. Smaller: the accuracy of an equilibrium refuses its derivatives.
-    /// Pinned by tests/invariance/test_knife_edge.py.
+    /// Used by tests/invariance/test_knife_edge.py.
     pub const FAMILY: f64 = 1e-7;
 
     /// A full step from a state whose unbalance may be rounding goes on if it leaves less than this part. Larger: steps in rounding.
@@ -163,12 +166,12 @@ pub mod linearisation {
     pub const CLEAR: f64 = 1e-10;
 
     /// Rounding of a few dozen terms of inertia that cancel, relative to their size. Too small: the turning of a shaft is held by a
-    /// stiffness of rounding. Too large: soft supports of fast shafts are lost. Seen by tests/truth/test_steady_rotation.py; not scanned.
+    /// stiffness of rounding. Too large: soft supports of fast shafts are lost. Pinned by tests/truth/test_steady_rotation.py, from below.
     pub const CANCELLED: f64 = 1e-14;
 
     /// Multiple of eps times the size of its terms below which an entry of a strain row is rounding of poses and axes, beside one for each
     /// body. Too small: a coordinate that no element strains counts as held. Too large: weak levers are lost.
-    /// Pinned by tests/truth/test_graded_modes.py (rows on arbitrary axes).
+    /// Used by tests/truth/test_graded_modes.py (rows on arbitrary axes).
     pub const POSE_ROUNDING: f64 = 32.0;
 
     /// The same of poses in closed loops, which carry the tolerance of their closure.
@@ -201,7 +204,7 @@ pub mod motion {
     pub const ARTICULATED: f64 = 1e4 * f64::EPSILON;
 
     /// Factor on the length of the next step that the error estimate proposes. Larger: more steps are repeated. Smaller: more steps are
-    /// made. A choice of cost; seen by the step counts of tests/motion/test_motion_zoo.py, not scanned.
+    /// made. A choice of cost; seen by the step counts of tests/motion/test_motion_zoo.py, from below.
     pub const SAFETY: f64 = 0.85;
 
     /// Iterations of simplified Newton methods within a step. Larger: steps that are too long are given up late. Smaller: steps that
@@ -210,12 +213,12 @@ pub mod motion {
 
     /// Corrections that matrices of the step itself do not shrink are rounding below this part of the motion within the step. Larger:
     /// steps are called solved that are not. Smaller: steps at the limit of rounding are repeated without end.
-    /// Seen by tests/motion/test_motion_hard.py, not scanned.
+    /// Used by tests/motion/test_motion_hard.py.
     pub const CORRECTION_ROUNDING: f64 = 1e-10;
 
     /// Motions within a step below this, characteristic lengths or radians, are solved as if they were of this size: at rest there is
     /// nothing but rounding to be relative to. Larger: slow motions are solved loosely. Smaller: rest is solved to rounding of
-    /// rounding. Seen by tests/motion/test_motion_hard.py, not scanned.
+    /// rounding. Used by tests/motion/test_motion_hard.py.
     pub const LEAST_MOTION: f64 = 1e-6;
 
     /// Repetitions that find the rotation vector of three rates that act together: each gains the turn within a step. Smaller: fast
@@ -227,7 +230,7 @@ pub mod motion {
 pub mod rolling {
     /// Straight rolling: B''' and the third power of E, over the speed (lengths over the characteristic length) to the same power, and
     /// forces along the path over their terms and over the sum of all forces. Larger: motion on slow curves is linearised as if
-    /// straight, and weak forces along the path pass unseen; smaller: rounding of a drawn model refuses it. Pinned by `test_a_trailer_is_refused`
+    /// straight, and weak forces along the path pass unseen; smaller: rounding of a drawn model refuses it. Used by `test_a_trailer_is_refused`
     /// and the bicycle of tests/truth/test_rolling.py.
     pub const ROLLS_STEADILY: f64 = 1e-9;
 
@@ -249,7 +252,7 @@ pub mod rolling {
 pub mod aero {
     /// Smallest inflow angle (rad) of an annulus through which the wind still blows. Too large: heavily loaded annuli reverse too early;
     /// too small: a hovering rotor in a breath of wind is taken for a windmill that blocks it.
-    /// Seen by tests/aero/test_momentum.py; not scanned.
+    /// Used by tests/aero/test_momentum.py.
     pub const SMALLEST_INFLOW: f64 = 1e-6;
 
     /// k = a / (1 - a) at the axial induction a = 0.4 above which Buhl's parabola, which meets momentum theory there, replaces it.

@@ -12,11 +12,11 @@ pub const SHARP: f64 = 1e-12;
 
 /// Two roots whose distance is below this share of their geometric mean are rotated together (Rayleigh-Ritz) instead of divided
 /// by their distance. Too large: a group's quotients lose accuracy. Too small: corrections of close roots blow up.
-/// Pinned by tests/truth/test_graded_modes.py (repeated soft modes).
+/// Used by tests/truth/test_graded_modes.py (repeated soft modes).
 pub const CLOSE: f64 = 1e-6;
 
 /// Cosine (in the metric of M) above which two approximate shapes are the same one: a root was then found twice and another is
-/// missing, and no error estimate holds. Pinned by tests/truth/test_graded_modes.py.
+/// missing, and no error estimate holds. Used by tests/truth/test_graded_modes.py.
 pub const SAME_SHAPE: f64 = 1e-3;
 
 /// Relative effect on a squared frequency up to which damping between two undamped modes is left out; it is added to the error.
@@ -32,12 +32,12 @@ pub const ENTRY_ROUNDING: f64 = 4.0;
 
 /// Product of backward error and normwise condition above which a root of the general route is checked by Newton's method with
 /// residuals in twice the precision. What stays unchecked is off by about the square of this. Too small: every root costs a
-/// factorisation. Too large: small roots of graded systems are wrong unseen. Pinned by tests/truth/test_damped_modes.py.
+/// factorisation. Too large: small roots of graded systems are wrong unseen. Used by tests/truth/test_damped_modes.py.
 pub const DOUBTFUL: f64 = 1e-6;
 
 /// Share of Q''(s) times the distance to the nearest root that |psi^T Q'(s) phi| must reach for two roots alone to meet there; then
 /// a root moves like the square root of its residual. Too small: errors at defects of order three and more are too small.
-/// Pinned by tests/truth/test_damped_modes.py (defects of orders two to four).
+/// Used by tests/truth/test_damped_modes.py (defects of orders two to four).
 pub const DOUBLE_ROOT: f64 = 0.1;
 
 /// Distances, over that of the nearest root, of the roots that meet at a defect of order three and more. Too small: some of them are
@@ -54,26 +54,26 @@ pub const PATIENCE: usize = 15;
 pub const BISECTIONS: usize = 50;
 
 /// Part of each diagonal entry of M that is added before its factorisation is asked whether M is semidefinite: rounding of the
-/// inertia of a rod about its own axis stays below. Too small: rods are refused. Too large: negative masses pass. Pinned by
+/// inertia of a rod about its own axis stays below. Too small: rods are refused. Too large: negative masses pass. Used by
 /// tests/truth/test_crowded_modes.py (point masses and rods).
 pub const SEMIDEFINITE: f64 = 1e-12;
 
 /// What a factor of M holds of a coordinate beyond the others, over the length of its column, that is rounding of arms: the coordinate
 /// then has no inertia of its own. A share of 1e-12 of a column is 1e-24 of a mass. Larger: light bodies on heavy ones are refused.
-/// Smaller: roots of rounding. Pinned by tests/truth/test_soft_and_stiff.py and tests/linear/test_bad_input.py.
+/// Smaller: roots of rounding. Used by tests/truth/test_soft_and_stiff.py and tests/linear/test_bad_input.py.
 pub const MASSLESS: f64 = 1e-12;
 
 /// Sum of the sizes of the terms of a Rayleigh quotient over its value from which on it is taken in twice the precision. Below, its
 /// rounding is part of the error of the data. Too small: work. Too large: soft modes of matrices lose digits that the entries hold.
-/// Pinned by tests/truth/test_graded_modes.py.
+/// Used by tests/truth/test_graded_modes.py.
 pub const CANCELLING: f64 = 1e5;
 
 /// Relative strain of a rigid mode that cannot be rounding of its shape. Too small: the factor of the stiffness is made once more than
-/// needed. Too large: a strained mode stays rigid. Pinned by tests/truth/test_graded_modes.py (soft modes of models).
+/// needed. Too large: a strained mode stays rigid. Used by tests/truth/test_graded_modes.py (soft modes of models).
 pub const STRAINED: f64 = 1e-9;
 
 /// Relative error of an assembled model's frequency from which on the factor of its stiffness is worth a second solution. Too small:
-/// ordinary models are solved twice. Too large: soft modes keep the rounding of stiff springs. Pinned by
+/// ordinary models are solved twice. Too large: soft modes keep the rounding of stiff springs. Used by
 /// tests/truth/test_graded_modes.py.
 pub const GRADED: f64 = 1e-9;
 

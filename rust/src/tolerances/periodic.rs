@@ -6,22 +6,22 @@ pub const LEAST_SCALE: f64 = 1e-6;
 
 /// Part of the natural size of an entry of the condensed dynamic stiffness that rounding of a factorisation may change, by its
 /// bound, before the entry is refined. Free of units. Too large: curves of finely divided structures carry the rounding; too small:
-/// refinements that change nothing. Pinned by tests/nonlinear/test_hbm_rounding.py.
+/// refinements that change nothing. Used by tests/nonlinear/test_hbm_rounding.py.
 pub const FELT: f64 = 1e-6;
 
 /// Correction of an entry by a residual, relative to its natural size, after which the next correction, about its square, would not
 /// count. Free of units. Too large: S keeps a visible error; too small: structures are refused that are known well enough.
-/// Pinned by tests/nonlinear/test_hbm_rounding.py.
+/// Used by tests/nonlinear/test_hbm_rounding.py.
 pub const SETTLED: f64 = 1e-7;
 
 /// An entry of the condensed dynamic stiffness below this part of its rounding in plain arithmetic is zero: what is left of it after
 /// refinement is rounding of the refinement. Free of units. Too large: small entries are not refined; too small: structures that are
-/// free at rest are refused. Pinned by tests/truth/test_frequency_blocks.py.
+/// free at rest are refused. Used by tests/truth/test_frequency_blocks.py.
 pub const ABSENT: f64 = 1e-10;
 
 /// Rounding of a residual in units of eps times the sum of the absolute terms of its row. Free of units. Too large: residuals that
 /// are not rounding pass; too small: points that are as good as the arithmetic allows are refused.
-/// Pinned by tests/truth/test_frequency_blocks.py.
+/// Used by tests/truth/test_frequency_blocks.py.
 pub const ROW_ROUNDING: f64 = 16.0;
 
 /// Growth rates of perturbations below this fraction of the base frequency count as zero. Free of units. Too large: weak
@@ -32,11 +32,11 @@ pub const NEUTRAL: f64 = 1e-9;
 
 /// A period that takes less than this part out of a change of a law's state leaves the state free. Free of units. Too large: weakly
 /// dissipating cycles keep the state of their start; too small: rounding of a thousand steps decides.
-/// Pinned by tests/nonlinear/test_state_laws.py.
+/// Used by tests/nonlinear/test_state_laws.py.
 pub const STATE_FREE: f64 = 1e-11;
 
 /// Rounding of a law's state after a period, over its largest value. Free of units. Too large: states that are not periodic pass; too
-/// small: periods are repeated for nothing. Pinned by tests/nonlinear/test_state_laws.py.
+/// small: periods are repeated for nothing. Used by tests/nonlinear/test_state_laws.py.
 pub const STATE_CLOSED: f64 = 1e-13;
 
 /// Rounding of the equations between two samples of a law's state, in units of eps times the sum of their absolute terms. Free of
@@ -50,12 +50,12 @@ pub const STATE_ROUNDING: f64 = 16.0;
 pub const AXIS: f64 = 1e-6;
 
 /// The same on the unstable side of a border that was bracketed, where two exponents that meet on the axis part like the root of the
-/// distance. Free of units; failures as of `AXIS`. Pinned by tests/truth/test_hbm_events.py.
+/// distance. Free of units; failures as of `AXIS`. Used by tests/truth/test_hbm_events.py.
 pub const AXIS_ROOT: f64 = 1e-3;
 
 /// How many times the regularity at a branch point may exceed what a linear decrease to zero leaves at the width of the bracket. Free of
 /// units. Too large: corners, where the determinant jumps through zero, are called branch points; too small: branch points of
-/// strongly curved branches are lost. Pinned by tests/truth/test_hbm_events.py.
+/// strongly curved branches are lost. Used by tests/truth/test_hbm_events.py.
 pub const BRANCHING: f64 = 1e3;
 
 /// Steps of the finest integration over which a contact must last to be seen by the stability of a motion. A count. Too large:
@@ -64,7 +64,7 @@ pub const CONTACT_STEPS: usize = 8;
 
 /// Part of the range of an element's stiffness over the period by which it jumps where a contact opens or closes. Free of units.
 /// Too large: partial contacts are missed; too small: smooth laws that bend fast count as contacts.
-/// Pinned by tests/truth/test_hbm_events.py.
+/// Used by tests/truth/test_hbm_events.py.
 pub const CONTACT_JUMP: f64 = 0.1;
 
 /// Entries of a condensed system, relative change of a solution, that end its refinement. Free of units. Too large: digits are given

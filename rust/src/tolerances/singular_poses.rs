@@ -1,28 +1,28 @@
 //! Poses in which rows lose rank, in motion.
 
 /// How much less firmly rows hold than they have done in this motion where it is near a singular pose. Larger: harmless poses are watched.
-/// Smaller: rates before and behind the pose are compared so near to it that they carry its noise. Seen by
-/// `tests/motion/test_singular_poses.py`; not scanned.
+/// Smaller: rates before and behind the pose are compared so near to it that they carry its noise. Pinned by
+/// `tests/motion/test_singular_poses.py`.
 pub const NEAR: f64 = 0.1;
 
 /// Part of all rates by which they may differ behind a singular pose from what the accelerations before and behind it explain. Larger:
-/// branches that part by a small angle are confused. Smaller: motions that change their speed quickly are taken for lost. Seen by
-/// `tests/motion/test_singular_poses.py`; not scanned.
+/// branches that part by a small angle are confused. Smaller: motions that change their speed quickly are taken for lost. Used by
+/// `tests/motion/test_singular_poses.py`.
 pub const TURNED: f64 = 0.3;
 
 /// Rounding of rates near a singular pose (eps over the square of the hold) that can turn them to the other branch. Larger: a lost branch
-/// is not seen. Smaller: linkages that come near to such a pose and turn quickly in earnest are taken for lost. Seen by
-/// `tests/motion/test_singular_poses.py`; not scanned.
+/// is not seen. Smaller: linkages that come near to such a pose and turn quickly in earnest are taken for lost. Used by
+/// `tests/motion/test_singular_poses.py`.
 pub const TURNED_BY_ROUNDING: f64 = 1e-5;
 
 /// Rounding of rates at the distance one from a singular pose, over eps: at the distance d it is greater by 1/d^2. Larger: crossings are
-/// begun far from the pose, and cost more steps. Smaller: steps end where rounding exceeds the tolerance. Seen by
-/// `tests/motion/test_singular_poses.py`; not scanned.
+/// begun far from the pose, and cost more steps. Smaller: steps end where rounding exceeds the tolerance. Used by
+/// `tests/motion/test_singular_poses.py`.
 pub const NOISE_OF_RATES: f64 = 100.0;
 
 /// Rounding of rates over eps and the square of the hold that a step near a singular pose cannot avoid: no tolerance is tighter there.
-/// Larger: motions at the tightest tolerances err more near such poses. Smaller: steps there shrink until nothing moves. Seen by
-/// `tests/motion/test_singular_poses.py`; not scanned.
+/// Larger: motions at the tightest tolerances err more near such poses. Smaller: steps there shrink until nothing moves. Used by
+/// `tests/motion/test_singular_poses.py`.
 pub const NOISE_OF_STEPS: f64 = 10.0;
 
 /// Steps longer than so many distances at which rounding counts are left to luck. Larger: crossings are planned where nothing threatens.
@@ -30,16 +30,16 @@ pub const NOISE_OF_STEPS: f64 = 10.0;
 pub const LUCK: f64 = 400.0;
 
 /// Distance to the pose, characteristic lengths or radians, at which schemes with short steps cross it by a long one. Larger: the long
-/// step errs. Smaller: its stages lie in the noise of the pose. Seen by `tests/motion/test_singular_poses.py`; not scanned.
+/// step errs. Smaller: its stages lie in the noise of the pose. Used by `tests/motion/test_singular_poses.py`.
 pub const FARTHEST_CROSSING: f64 = 0.05;
 
 /// Distance below which no crossing begins any more: its first rates are noise. Larger: poses are passed by luck. Smaller: crossings
-/// carry the noise of the pose. Seen by `tests/motion/test_singular_poses.py`; not scanned.
+/// carry the noise of the pose. Used by `tests/motion/test_singular_poses.py`.
 pub const NEAREST_CROSSING: f64 = 0.012;
 
 /// What a step without a tangent leaves of constraint rows, over their scales. Larger: crossings are planned where nothing threatens. Smaller:
-/// "bdf-bfgs" makes steps so near to a singular pose that another branch solves their equations as well. Seen by
-/// `tests/motion/test_singular_poses.py`; not scanned.
+/// "bdf-bfgs" makes steps so near to a singular pose that another branch solves their equations as well. Used by
+/// `tests/motion/test_singular_poses.py`.
 pub const ROWS_WITHOUT_TANGENT: f64 = 2e-13;
 
 /// Distance of a pose by one look, over what steps reach, from which on it is not looked for any closer. Larger: looks at poses that no step

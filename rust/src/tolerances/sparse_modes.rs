@@ -61,17 +61,17 @@ pub const RIGID_PAIR: f64 = 1e-5;
 pub const ENERGY_IS_WORK: f64 = 1e-5;
 
 /// Slowest root over the largest ratio of strain and kinetic energy, above which a system without shift is regular: roots of rounding lie
-/// below. Larger: shifts without need. Smaller: rigid motions oscillate. Pinned by tests/linear/test_sparse_general.py.
+/// below. Larger: shifts without need. Smaller: rigid motions oscillate. Used by tests/linear/test_sparse_general.py.
 pub const HELD: f64 = 1e-6;
 /// Estimated error of a root of a system that is not symmetric, above which the search has failed. Larger: roots with few digits are
 /// returned. Smaller: near the onset of flutter large models are refused.
 pub const TOLD: f64 = 1e-6;
 /// Relative distance of two roots of a system that is not symmetric, below which they are repeated: left and right vectors are then no
 /// pairs, and no quotient of theirs makes the root better. Larger: digits of close roots are given away. Smaller: quotients of vectors that
-/// are nearly orthogonal. Pinned by tests/linear/test_sparse_general.py.
+/// are nearly orthogonal. Used by tests/linear/test_sparse_general.py.
 pub const SAME_ROOT: f64 = 1e-7;
 /// Real part of a root, over its modulus, above which a vibration grows, where the estimated error is smaller. Larger: slow flutter is
-/// called vibration. Smaller: rounding of undamped roots is called flutter. Pinned by tests/linear/test_sparse_general.py.
+/// called vibration. Smaller: rounding of undamped roots is called flutter. Used by tests/linear/test_sparse_general.py.
 pub const GROWS: f64 = 1e-10;
 /// Turn of the argument of a determinant, in radians, that the last terms of its series may make on one panel of a path. Larger: wrong counts
 /// of roots. Smaller: determinants without need.

@@ -85,16 +85,16 @@ pub const LOOSEST: f64 = 1e-12;
 pub const FRESH_INVERSE: f64 = 1e-11;
 
 /// How much looser a trial run is that shows how much of its local errors lasts. Larger: its error is no longer in proportion. Smaller: trials
-/// cost more than they save. Seen by `tests/motion/test_shares.py`; not scanned.
+/// cost more than they save. Used by `tests/motion/test_shares.py`.
 pub const TRIAL: f64 = 1e3;
 /// Tolerance of the loosest trial. Larger: motions that bend within a step are taken for damped. Smaller: loose tolerances get no trial.
-/// Seen by `tests/motion/test_shares.py`; not scanned.
+/// Pinned by `tests/motion/test_shares.py`.
 pub const LOOSEST_TRIAL: f64 = 0.2;
 /// What the error of a motion may be over the tolerance by its trials. Larger: unlucky motions miss the tolerance. Smaller: steps for
-/// nothing. Seen by `tests/motion/test_shares.py`; not scanned.
+/// nothing. Pinned by `tests/motion/test_shares.py`.
 pub const LASTING: f64 = 0.5;
 /// The smallest share: where errors grow as those of a chaotic motion do, no tolerance holds them. Larger: motions that amplify errors miss
-/// the tolerance. Smaller: chaotic motions take steps for nothing. Seen by `tests/motion/test_shares.py`; not scanned.
+/// the tolerance. Smaller: chaotic motions take steps for nothing. Pinned by `tests/motion/test_shares.py`, from above.
 pub const LEAST_SHARE: f64 = 0.04;
 
 /// Iterations of steps of "radau" that are recorded for a gradient: their lengths were chosen before, and to a looser tolerance. Larger: steps
@@ -115,10 +115,10 @@ pub const AGED: f64 = 2.0;
 /// one iteration more for nothing. Smaller: steps are called solved that are not. Not scanned.
 pub const TRUSTED: f64 = 0.1;
 /// Three rotations that act together turn at most so far in a step (radians): rotation vectors are ambiguous at a whole turn. Larger:
-/// a body that spins is lost in its chart. Smaller: short steps. Seen by `tests/motion/test_radau.py`; not scanned.
+/// a body that spins is lost in its chart. Smaller: short steps. Used by `tests/motion/test_radau.py`.
 pub const WIDEST: f64 = 3.0;
 /// Steps that would grow by less keep their length and its factors. Larger: steps are short. Smaller: factors for nothing. Not scanned.
 pub const WORTHWHILE: f64 = 1.2;
-/// The error of a step over a power of its estimate. Larger: motions are better than asked. Smaller: they are worse. Seen by
-/// `tests/motion/test_radau.py`; not scanned.
+/// The error of a step over a power of its estimate. Larger: motions are better than asked. Smaller: they are worse. Pinned by
+/// `tests/motion/test_radau.py`.
 pub const LEVEL: f64 = 10.0;
