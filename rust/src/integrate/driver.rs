@@ -4,6 +4,7 @@ use crate::run::{Cancel, Counts};
 use crate::tolerances::motion::SAFETY;
 
 use super::detour::{Approach, Detour, Passage, again, passage};
+use super::kept::{KeptStep, KeptSteps};
 use super::watch::{Mark, Seen, Watch};
 use super::way::{Aim, Uncounted, Verdict, Way, active};
 use super::{Equations, Instant, LocalError, Motion, Scheme, Step};
@@ -66,6 +67,7 @@ pub fn drive(
             formulas: Vec::new(),
             local: Vec::new(),
             rejected: 0,
+            kept: plan.kept.map(|_| KeptSteps::from(&start)),
             end: End::Finished,
             last: Output { instant: start.clone(), joints: Vec::new() },
         },
@@ -81,6 +83,22 @@ fn scaled(v: &[f64], scales: &[f64]) -> f64 {
         let v = (v / c).abs();
         if v > s || v.is_nan() { v } else { s }
     })
+}
+
+impl Run {
+    /// The step is kept, as far as there is room and its scheme tells what it was made of.
+    fn keep(&mut self, scheme: &mut dyn Scheme, step: &Step, (memory, h): (Vec<f64>, f64), most: Option<usize>) {
+        let Some(mut kept) = self.kept.take().filter(|k| most.is_some_and(|most| k.steps.len() < most)) else { return };
+        let Some(parts) = scheme.parts() else { return };
+        kept.steps.push(KeptStep { h, parts, end: step.end.clone(), memory, anew: None });
+        self.kept = Some(kept);
+    }
+
+    fn begins_anew(&mut self, after: &Instant) {
+        if let Some(last) = self.kept.as_mut().and_then(|k| k.steps.last_mut()) {
+            last.anew = Some(after.clone());
+        }
+    }
 }
 
 impl Driver<'_, '_, '_> {
@@ -233,11 +251,13 @@ impl Driver<'_, '_, '_> {
             return Ok(false);
         }
         let mark = self.mark();
+        let memory = step.end.motion.memory.clone();
         let active = active(&mut way.detour, scheme);
         way.kinked = active.per_unit_step() && self.eq.passes_kink(&way.here.motion, &step.end.motion);
         self.record(active, &way.here, &mut step, aim.length, counts)?;
         self.run.formulas.push(active.formula());
         active.accept(self.eq, &way.here, &step, aim.length);
+        self.run.keep(active, &step, (memory, aim.length), self.plan.kept);
         let patience = active.rate_time(aim.length);
         let tolerance = |e: &LocalError| self.size(e, self.speed, patience) / allowed;
         let next = match active.proposal(&tolerance) {
@@ -270,7 +290,10 @@ impl Driver<'_, '_, '_> {
             scheme.reset();
             self.watch.forget();
             match self.eq.consistent(way.here.motion.clone(), counts) {
-                Ok(after) => way.here = after,
+                Ok(after) => {
+                    self.run.begins_anew(&after);
+                    way.here = after;
+                }
                 Err(error) => {
                     self.stop(t, error.to_string());
                     return Ok(false);
@@ -362,6 +385,7 @@ impl Driver<'_, '_, '_> {
         let (Some(gap), true) = (again(self.watch.again), scheme.crossing().is_some()) else { return false };
         let Some(shore) = self.watch.shore.take_if(|s| s.is_passable(&self.scales)) else { return false };
         counts.add("crossings again", 1);
+        self.run.kept = None;
         self.run.outputs.truncate(shore.mark.outputs);
         self.run.steps.truncate(shore.mark.steps);
         self.run.local.truncate(shore.mark.steps - 1);
