@@ -4,7 +4,7 @@ use crate::run::{Cancel, Counts};
 use crate::tolerances::motion::SAFETY;
 
 use super::detour::{Approach, Detour, Passage, again, passage};
-use super::kept::{KeptStep, KeptSteps};
+use super::kept::KeptSteps;
 use super::watch::{Mark, Seen, Watch};
 use super::way::{Aim, Uncounted, Verdict, Way, active};
 use super::{Equations, Instant, LocalError, Motion, Scheme, Step};
@@ -83,22 +83,6 @@ fn scaled(v: &[f64], scales: &[f64]) -> f64 {
         let v = (v / c).abs();
         if v > s || v.is_nan() { v } else { s }
     })
-}
-
-impl Run {
-    /// The step is kept, as far as there is room and its scheme tells what it was made of.
-    fn keep(&mut self, scheme: &mut dyn Scheme, step: &Step, (memory, h): (Vec<f64>, f64), most: Option<usize>) {
-        let Some(mut kept) = self.kept.take().filter(|k| most.is_some_and(|most| k.steps.len() < most)) else { return };
-        let Some(parts) = scheme.parts() else { return };
-        kept.steps.push(KeptStep { h, parts, end: step.end.clone(), memory, anew: None });
-        self.kept = Some(kept);
-    }
-
-    fn begins_anew(&mut self, after: &Instant) {
-        if let Some(last) = self.kept.as_mut().and_then(|k| k.steps.last_mut()) {
-            last.anew = Some(after.clone());
-        }
-    }
 }
 
 impl Driver<'_, '_, '_> {
@@ -290,10 +274,7 @@ impl Driver<'_, '_, '_> {
             scheme.reset();
             self.watch.forget();
             match self.eq.consistent(way.here.motion.clone(), counts) {
-                Ok(after) => {
-                    self.run.begins_anew(&after);
-                    way.here = after;
-                }
+                Ok(after) => way.here = self.run.begun_anew(after),
                 Err(error) => {
                     self.stop(t, error.to_string());
                     return Ok(false);
@@ -385,10 +366,7 @@ impl Driver<'_, '_, '_> {
         let (Some(gap), true) = (again(self.watch.again), scheme.crossing().is_some()) else { return false };
         let Some(shore) = self.watch.shore.take_if(|s| s.is_passable(&self.scales)) else { return false };
         counts.add("crossings again", 1);
-        self.run.kept = None;
-        self.run.outputs.truncate(shore.mark.outputs);
-        self.run.steps.truncate(shore.mark.steps);
-        self.run.local.truncate(shore.mark.steps - 1);
+        self.run.cut(shore.mark.outputs, shore.mark.steps);
         self.next_output = shore.mark.next_output;
         let passed = shore.pose_after();
         (way.here, way.h, way.failures, way.after_rejection) = (shore.instant, shore.h, 0, false);

@@ -278,20 +278,6 @@ impl Bdf {
         self.history = Some(History { t: last.motion.t, h, chart: last.motion.clone(), d, equal: 0, made: h });
     }
 
-    /// Differences from now on count from the last pose; false if they did.
-    fn recharts(&mut self, eq: &Equations<'_, f64>) -> bool {
-        let order = self.order;
-        let Some(history) = self.history.as_mut().filter(|h| eq.widest_rotation(&h.d[0].y) > 0.0) else {
-            return false;
-        };
-        let turned = recharted(eq, history, order);
-        history.equal = 0;
-        if let Some(record) = &mut self.record {
-            record.before = Some(turned);
-        }
-        true
-    }
-
     /// The error of the formula of an order that a difference shows beyond what the equations leave unsolved.
     fn shown(&self, difference: &Pair, order: usize) -> LocalError {
         let mut error = difference.error(self.formula.error_constant(order));
@@ -532,8 +518,7 @@ impl Scheme for Bdf {
     }
 
     fn parts(&mut self) -> Option<Parts> {
-        let own = self.record.take().filter(|r| self.keeps && !r.lost)?;
-        Some(Parts { stages: vec![own.stage.clone()?], history: Some(own) })
+        self.kept_parts()
     }
 
     fn reset(&mut self) {

@@ -3,6 +3,7 @@ use crate::error::Result;
 use crate::run::Counts;
 
 use super::super::explicit8::RecordedStage;
+use super::super::kept::Parts;
 use super::super::radau::{FIVE, Radau};
 use super::super::{Equations, Instant, Scheme, Step};
 use super::differences::Formula;
@@ -145,6 +146,26 @@ impl Bdf {
             Some(tried) => tried.again(),
             None => Recorded::new(Origin::Before),
         });
+    }
+
+    /// Differences from now on count from the last pose; false if they did.
+    pub(super) fn recharts(&mut self, eq: &Equations<'_, f64>) -> bool {
+        let order = self.order;
+        let Some(history) = self.history.as_mut().filter(|h| eq.widest_rotation(&h.d[0].y) > 0.0) else {
+            return false;
+        };
+        let turned = super::recharted(eq, history, order);
+        history.equal = 0;
+        if let Some(record) = &mut self.record {
+            record.before = Some(turned);
+        }
+        true
+    }
+
+    /// What the last step was made of.
+    pub(super) fn kept_parts(&mut self) -> Option<Parts> {
+        let own = self.record.take().filter(|r| self.keeps && !r.lost)?;
+        Some(Parts { stages: vec![own.stage.clone()?], history: Some(own) })
     }
 
     pub fn resume(&mut self, kept: Option<Kept>) {
