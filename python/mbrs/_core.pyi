@@ -32,6 +32,7 @@ __all__ = [
     "HbmElements",
     "HbmLinear",
     "HbmProblem",
+    "KeptMotion",
     "MotionForward",
     "Program",
     "RootInverse",
@@ -222,6 +223,9 @@ def simulate_motion(
     options: dict[str, Any],
     report: Callable[[float], None] | None = None,
 ) -> dict[str, Any]: ...
+
+@final
+class KeptMotion: ...
 
 @final
 class MotionForward:

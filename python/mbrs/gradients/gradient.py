@@ -173,7 +173,7 @@ def gradient(
     choice("method", method, METHODS)
     kind = _variant(scheme, step, weight, rho)
     objectives, many = _objectives(objective)
-    run = replace(prepare(m, objectives, t, step, rtol, at, check_without(without), **kind), keep=_kept(keep))
+    run = prepare(m, objectives, t, step, rtol, at, check_without(without), _kept(keep), **kind)
     along = directions(m, parameters)
     require_followed_guess(run, along)
     chosen = ("adjoint" if along.n > 8 * len(objectives) else "direct") if method == "auto" else method

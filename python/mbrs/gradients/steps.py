@@ -12,7 +12,7 @@ from .._lib.border import core_errors
 from .._lib.checks import positive, real_number
 from ..errors import ModelError
 from ..motion.options import DEFAULT, require_room
-from ..motion.simulate import simulate
+from ..motion.simulate import kept_motion, simulate
 from ..motion.tangent import (
     Run,
     grid,
@@ -36,6 +36,7 @@ def prepare(
     rtol: float | None,
     at: Any,
     without: tuple[str, ...],
+    keep: int,
     **kind: Any,
 ) -> Run:
     """Start and steps of a motion."""
@@ -58,6 +59,7 @@ def prepare(
     if kind["scheme"] == "auto":
         kind["scheme"] = _scheme(snapshot, state, without, end, step)
     orders: tuple[int, ...] = ()
+    kept: _core.KeptMotion | None = None
     if end == state.t:
         times = np.array([end])
     elif step is not None:
@@ -79,14 +81,18 @@ def prepare(
         if multistep and len(marks) > 1:
             # every mark has a step that ends near it
             run["max_step"] = 0.9 * float(np.diff(marks).min())
-        traj = simulate(m, marks, **run, **_as_method(kind))
+        if kind["scheme"] in ("radau", "bdf") and len(marks) == 1:
+            # no step has to move
+            traj, kept = kept_motion(m, marks, keep, **run, **_as_method(kind))
+        else:
+            traj = simulate(m, marks, **run, **_as_method(kind))
         if multistep:
             breaks = _core.motion_breaks(snapshot.system, state.t)
             times, orders = _drawn_to(traj.steps, traj.orders, marks, breaks, slack)
         else:
             times = _with_marks(traj.steps, marks)
     inner = any(isinstance(o, Integral) for o in objectives)
-    return Run(m, snapshot, state, without, times, inner=inner, orders=orders, **kind)
+    return Run(m, snapshot, state, without, times, keep=keep, inner=inner, orders=orders, kept=kept, **kind)
 
 
 def _scheme(snapshot: Snapshot, state: State, without: tuple[str, ...], end: float, step: float | None) -> str:
@@ -117,6 +123,8 @@ def _drawn_to(
 
     The start and the breaks stay where they are: a mark that is nearest to one of them has a step of its own.
     """
+    if np.isin(marks, steps).all():
+        return steps, tuple(orders)
     held = {0, *np.flatnonzero(np.isin(steps, breaks)).tolist()}
     ends, own = {i: float(steps[i]) for i in held}, []
     for mark in marks.tolist():

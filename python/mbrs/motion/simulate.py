@@ -244,6 +244,57 @@ def simulate(
         given |= dict(order=order, max_step=max_step, first_step=first_step, max_steps=max_steps)
         return simulate_matrices(m, t, loads, x0, v0, given, simulate, _compared_with)
     refuse_options_of_matrices(dict(loads=loads, x0=x0, v0=v0))
+    return _of_model(
+        m,
+        t,
+        rtol=rtol,
+        step=step,
+        method=method,
+        at=at,
+        without=without,
+        rho=rho,
+        form=form,
+        update=update,
+        coordinates=coordinates,
+        order=order,
+        max_step=max_step,
+        first_step=first_step,
+        max_steps=max_steps,
+        parameters=parameters,
+        penalty=penalty,
+        passes=passes,
+    )[0]
+
+
+def kept_motion(m: Model, t: ArrayLike, keep: int, **asked: Any) -> tuple[Trajectory, _core.KeptMotion | None]:
+    """As `simulate`, by "radau" or "bdf" with steps by a tolerance that are solved to rounding; they are kept where they need at most
+    ``keep`` numbers and are all of the method."""
+    return _of_model(m, t, keep=keep, **asked)
+
+
+def _of_model(
+    m: Model,
+    t: ArrayLike,
+    *,
+    rtol: float | None = None,
+    step: float | None = None,
+    method: str = "auto",
+    at: StateLike = None,
+    without: Sequence[str] = (),
+    rho: float | None = None,
+    form: str | None = None,
+    update: str | None = None,
+    coordinates: str | None = None,
+    order: int | None = None,
+    max_step: float | None = None,
+    first_step: float | None = None,
+    max_steps: int | None = None,
+    parameters: str | Sequence[str] | None = None,
+    penalty: float | None = None,
+    passes: int | None = None,
+    keep: int | None = None,
+) -> tuple[Trajectory, _core.KeptMotion | None]:
+    """A motion, and its steps where they are kept."""
     start = time.perf_counter()
     without = effects_without(without)
     absolute = is_word(coordinates, ("absolute",))
@@ -258,6 +309,8 @@ def simulate(
     refuse_order_nine(order, parameters)
     refuse_output_times(options, parameters)
     served = with_served_tolerance(options, snapshot)
+    if keep is not None:
+        served |= {"keep": keep}
     made, snapshot, wake = _integrated(m, snapshot, state, without, served, absolute)
     traj = _trajectory(m, snapshot, made, without, time.perf_counter() - start, state, served, wake)
     if parameters is not None:
@@ -273,7 +326,7 @@ def simulate(
             "the result of this error",
             traj,
         )
-    return traj
+    return traj, made.get("kept")
 
 
 def _integrated(

@@ -81,6 +81,8 @@ class Run:
     inner: bool = False
     # of the steps of "bdf", as a trajectory has them; none: of fixed steps
     orders: Sequence[int] = ()
+    # the run that chose the times, where it kept its steps
+    kept: _core.KeptMotion | None = None
 
     @property
     def nodes(self) -> Nodes:
@@ -111,6 +113,7 @@ class Run:
             "keep": self.keep,
             "read": self.read,
             "inner": self.inner,
+            "kept": self.kept,
             "drawn": self.state.kind in ("drawn", "equilibrium"),
             "velocities": self.state.kind == "drawn",
             "quantities": list(asked),

@@ -376,6 +376,16 @@ impl Equations<'_, f64> {
         (r, phi, Linear { tangent, jacobian })
     }
 
+    /// Derivatives alone of the same.
+    pub fn tangents_of(&self, m: &Motion<f64>, a: &[f64], lam: &[f64], counts: &mut Counts) -> Linear {
+        let placement = self.place(m);
+        let jacobian = match self.n_rows() {
+            0 => DMatrix::zeros(0, self.n()),
+            _ => self.scene(m, &placement, None).constraints().1,
+        };
+        Linear { tangent: self.tangent_at(m, &placement, a, lam, counts), jacobian }
+    }
+
     fn newton(
         &self,
         from: &Instant,

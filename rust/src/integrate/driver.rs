@@ -4,6 +4,7 @@ use crate::run::{Cancel, Counts};
 use crate::tolerances::motion::SAFETY;
 
 use super::detour::{Approach, Detour, Passage, again, passage};
+use super::kept::KeptSteps;
 use super::watch::{Mark, Seen, Watch};
 use super::way::{Aim, Uncounted, Verdict, Way, active};
 use super::{Equations, Instant, LocalError, Motion, Scheme, Step};
@@ -64,6 +65,7 @@ pub fn drive(
             formulas: Vec::new(),
             local: Vec::new(),
             rejected: 0,
+            kept: plan.kept.map(|_| KeptSteps::from(&start)),
             end: End::Finished,
             last: Output { instant: start.clone(), joints: Vec::new() },
         },
@@ -231,11 +233,13 @@ impl Driver<'_, '_, '_> {
             return Ok(false);
         }
         let mark = self.mark();
+        let memory = step.end.motion.memory.clone();
         let active = active(&mut way.detour, scheme);
         way.kinked = active.per_unit_step() && self.eq.passes_kink(&way.here.motion, &step.end.motion);
         self.record(active, &way.here, &mut step, aim.length, counts)?;
         self.run.formulas.push(active.formula());
         active.accept(self.eq, &way.here, &step, aim.length);
+        self.run.keep(active, &step, (memory, aim.length), self.plan.kept);
         let patience = active.rate_time(aim.length);
         let tolerance = |e: &LocalError| self.size(e, self.speed, patience) / allowed;
         let next = match active.proposal(&tolerance) {
@@ -268,7 +272,7 @@ impl Driver<'_, '_, '_> {
             scheme.reset();
             self.watch.forget();
             match self.eq.consistent(way.here.motion.clone(), counts) {
-                Ok(after) => way.here = after,
+                Ok(after) => way.here = self.run.begun_anew(after),
                 Err(error) => {
                     self.stop(t, error.to_string());
                     return Ok(false);
@@ -360,9 +364,7 @@ impl Driver<'_, '_, '_> {
         let (Some(gap), true) = (again(self.watch.again), scheme.crossing().is_some()) else { return false };
         let Some(shore) = self.watch.shore.take_if(|s| s.is_passable(&self.scales)) else { return false };
         counts.add("crossings again", 1);
-        self.run.outputs.truncate(shore.mark.outputs);
-        self.run.steps.truncate(shore.mark.steps);
-        self.run.local.truncate(shore.mark.steps - 1);
+        self.run.cut(shore.mark.outputs, shore.mark.steps);
         self.next_output = shore.mark.next_output;
         let passed = shore.pose_after();
         (way.here, way.h, way.failures, way.after_rejection) = (shore.instant, shore.h, 0, false);

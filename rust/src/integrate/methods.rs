@@ -71,6 +71,17 @@ impl Method {
         }
     }
 
+    /// One whose steps are kept, where that is asked for and there is such.
+    fn keeping(&self, plan: &Plan) -> Option<Box<dyn Scheme>> {
+        let Steps::Controlled { rtol, .. } = plan.steps else { return None };
+        plan.kept?;
+        match self {
+            Method::Bdf => Some(Box::new(Bdf::keeping(rtol))),
+            Method::Radau(tableau) => Some(Box::new(Radau::new(tableau, Some(rtol)).to_rounding().recording())),
+            _ => None,
+        }
+    }
+
     fn scheme(&self, steps: Steps) -> Box<dyn Scheme> {
         let rtol = match steps {
             Steps::Fixed(_) => None,
@@ -126,7 +137,7 @@ pub fn simulate(
     if matches!(method, Method::GeneralizedAlpha(_) | Method::Ali3p(..)) {
         plan.share = share(eq, &|steps| method.scheme(steps), &first, &plan, cancel, counts)?;
     }
-    let mut scheme = method.scheme(plan.steps);
+    let mut scheme = method.keeping(&plan).unwrap_or_else(|| method.scheme(plan.steps));
     let run = drive(eq, scheme.as_mut(), first, &plan, cancel, progress, counts)?;
     if let Some(remark) = scheme.remark() {
         why = format!("{why}; {remark}");

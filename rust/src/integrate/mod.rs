@@ -20,6 +20,7 @@
 //! | `rotations` | three rotations that act together |
 //! | `held_rates` | tangents at constant rates |
 //! | `interpolate` | between two instants |
+//! | `kept` | the steps of a run, for its derivatives |
 //! | one file for each scheme | implements `Scheme` |
 pub mod ali3p;
 pub mod augmented;
@@ -36,6 +37,7 @@ mod explicit_pivots;
 pub mod generalized_alpha;
 mod held_rates;
 pub mod interpolate;
+pub mod kept;
 pub mod methods;
 pub mod plan;
 pub mod radau;
@@ -69,6 +71,7 @@ use crate::multibody::placement::{Placement, advance, difference, place};
 use crate::multibody::topology::Topology;
 use crate::run::Counts;
 use crate::spatial::Real;
+use kept::Parts;
 
 /// Where the model is, how it moves, and what its laws remember.
 #[derive(Debug, Clone)]
@@ -170,6 +173,11 @@ pub trait Scheme {
     /// How long an error of the rates counts in positions; the driver takes the time of the motion where that is shorter.
     fn rate_time(&self, _h: f64) -> f64 {
         f64::INFINITY
+    }
+
+    /// What the step was made of that the driver just went on from; of schemes that keep it.
+    fn parts(&mut self) -> Option<Parts> {
+        None
     }
 
     /// Something jumped (a restart, a kink): histories are worthless.

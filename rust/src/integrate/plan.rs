@@ -2,6 +2,7 @@
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use super::Instant;
+use super::kept::KeptSteps;
 
 /// How steps are chosen.
 #[derive(Debug, Clone, Copy)]
@@ -32,6 +33,8 @@ pub struct Plan {
     /// times at which a step must end and histories start anew, ascending
     pub breaks: Vec<f64>,
     pub max_steps: usize,
+    /// steps are solved to rounding and kept, at most so many
+    pub kept: Option<usize>,
     /// how many tolerances the errors may add up to of schemes that hold that of a unit of time: where what they add up to does not
     /// last, the error of the motion is one (`share`)
     pub share: f64,
@@ -63,6 +66,8 @@ pub struct Run {
     /// estimated local error of every step over its tolerance
     pub local: Vec<f64>,
     pub rejected: usize,
+    /// where they were asked for, and the scheme that was asked for made them all
+    pub kept: Option<KeptSteps>,
     pub end: End,
     pub last: Output,
 }

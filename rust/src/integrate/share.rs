@@ -43,6 +43,7 @@ pub(super) fn share(
             outputs: Some(times),
             breaks: plan.breaks.clone(),
             max_steps: plan.max_steps,
+            kept: None,
             share: 1.0,
         };
         let run = drive(eq, scheme(steps).as_mut(), first.clone(), &plan, cancel, &Progress::default(), &mut work)?;

@@ -15,7 +15,7 @@ use crate::run::Counts;
 use crate::sensitivity::adjoint::{Forward, backward, forward};
 use crate::sensitivity::direct::{Sensitivities, direct};
 use crate::sensitivity::kinks::{Kink, no_impact};
-use crate::sensitivity::march::Rule;
+use crate::sensitivity::march::{KeptMotion, Rule};
 use crate::sensitivity::quantity::{Drawn, Quantity, check};
 use crate::sensitivity::{Direction, Follow, Plan, first};
 
@@ -24,6 +24,7 @@ use super::system::{PySystem, effects, state_of};
 
 pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<MotionForward>()?;
+    module.add_class::<PyKeptMotion>()?;
     module.add_function(wrap_pyfunction!(motion_breaks, module)?)?;
     module.add_function(wrap_pyfunction!(motion_quadrature, module)?)?;
     module.add_function(wrap_pyfunction!(motion_is_explicit, module)?)?;
@@ -117,12 +118,19 @@ fn task<'py>(
             keep: need(options, "keep")?,
             read: need(options, "read")?,
             inner: need(options, "inner")?,
+            kept: kept(options)?,
             follow: Follow { drawn: need(options, "drawn")?, velocities: need(options, "velocities")?, shift },
         },
         wanted: asked.iter().map(quantity).collect::<Result<_>>()?,
         directions: pairs.into_iter().map(|(i, v)| i.into_iter().zip(v).collect()).collect(),
         effects: effects(without)?.with_exact_tangents(),
     })
+}
+
+/// The run that chose the steps, where it kept them.
+fn kept(options: &Bound<'_, PyDict>) -> PyResult<Option<Arc<KeptMotion>>> {
+    let found = options.get_item("kept")?.filter(|kept| !kept.is_none());
+    found.map(|kept| Ok(kept.cast::<PyKeptMotion>().map_err(PyErr::from)?.get().0.clone())).transpose()
 }
 
 fn begin(eq: &Equations<'_, f64>, task: &Task, counts: &mut Counts) -> Result<Instant> {
@@ -268,6 +276,10 @@ fn motion_directions<'py>(
     out.set_item("counts", counts_dict(py, &counts)?)?;
     Ok(out)
 }
+
+/// Steps of a run that chose them: a motion that is differentiated over them is not made again.
+#[pyclass(frozen, name = "KeptMotion", module = "mbrs._core")]
+pub struct PyKeptMotion(pub Arc<KeptMotion>);
 
 /// A motion, kept for going backwards.
 #[pyclass(frozen, module = "mbrs._core")]

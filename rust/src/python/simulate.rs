@@ -19,9 +19,11 @@ use crate::multibody::System;
 use crate::multibody::assemble::Effects;
 use crate::multibody::topology::Owner;
 use crate::run::{Cancel, Counts};
+use crate::sensitivity::march::{KeptMotion, Rule};
 use crate::spatial::{V3, quaternion_of_rotation};
 
 use super::border::{counts_dict, interruptible, interruptible_so_far};
+use super::gradient::PyKeptMotion;
 use super::system::{PySystem, effects, state_of};
 use super::tables::values;
 
@@ -61,6 +63,7 @@ fn plan(options: &Bound<'_, PyDict>) -> PyResult<Plan> {
         outputs: numbers(options, "outputs")?,
         breaks: numbers(options, "breaks")?.unwrap_or_default(),
         max_steps: number(options, "max_steps")?.map_or(usize::MAX, |n| n as usize),
+        kept: None,
         share: 1.0,
     })
 }
@@ -117,16 +120,23 @@ fn simulate_motion<'py>(
     memory::require(MATRICES * 8.0 * n * n, &format!("a motion of {n} tree coordinates"), "divide the model")?;
     let progress = Arc::new(Progress::default());
     let (shared, own) = (system.clone(), progress.clone());
+    let keep = number(options, "keep")?;
     let work = move |cancel: &Cancel| {
         let mut counts = Counts::default();
         let eq = Equations::new(&shared, shared.x.to_vec(), effects);
+        plan.kept = keep.zip(Rule::of(&method)).map(|(keep, rule)| keep as usize / rule.numbers(&eq)[1].max(1));
         simulate(&eq, method, motion, plan, cancel, &own, &mut counts).map(|out| (out, counts))
     };
     let show = || report.as_ref().map_or(Ok(()), |report| report.call1((progress.get(),)).map(|_| ()));
-    let ((out, counts), cut) = interruptible_so_far(py, work, show)?;
+    let ((mut out, counts), cut) = interruptible_so_far(py, work, show)?;
     let dict = put_run(py, &out.run)?;
     if cut {
         dict.set_item("status", "interrupted")?;
+    }
+    if let Some(mut steps) = out.run.kept.take() {
+        steps.counts.clone_from(&counts);
+        let kept = KeptMotion { steps, times: out.run.steps.clone(), x: system.x.to_vec() };
+        dict.set_item("kept", PyKeptMotion(Arc::new(kept)))?;
     }
     dict.set_item("method", out.method)?;
     dict.set_item("why", out.why)?;

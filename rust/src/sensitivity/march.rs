@@ -7,8 +7,10 @@ use crate::integrate::bdf::Bdf;
 use crate::integrate::bdf::record::{Kept, Kind, Recorded};
 use crate::integrate::dop853_numbers::STAGES;
 use crate::integrate::generalized_alpha::{Carried, GeneralizedAlpha, Parameters};
+use crate::integrate::kept::{KeptStep, KeptSteps};
+use crate::integrate::methods::Method;
 use crate::integrate::radau::{FIVE, Radau};
-use crate::integrate::{Equations, Instant, Scheme};
+use crate::integrate::{Equations, Instant, Motion, Scheme};
 use crate::run::{Cancel, Counts};
 
 use super::Plan;
@@ -41,6 +43,15 @@ impl Quadrature {
 }
 
 impl Rule {
+    /// Of a run whose steps may be kept.
+    pub fn of(method: &Method) -> Option<Self> {
+        match method {
+            Method::Radau(tableau) if tableau.stages() == FIVE.stages() => Some(Rule::Radau),
+            Method::Bdf => Some(Rule::Bdf),
+            _ => None,
+        }
+    }
+
     /// The scheme's own: an integral is as accurate as the motion. That of "bdf" is in its first steps: see `bdf::weights`.
     pub fn quadrature(&self) -> Quadrature {
         match self {
@@ -85,8 +96,14 @@ impl Rule {
         matches!(self, Rule::Ali3p(_) | Rule::Alpha(_))
     }
 
+    /// Numbers that an instant and its step need.
+    pub fn numbers(&self, eq: &Equations<'_, f64>) -> [usize; 2] {
+        let place = eq.topology().n_q + 6 * eq.n() + 4 * eq.n_rows();
+        [place, place + self.kept(eq.n(), eq.n_rows())]
+    }
+
     /// Numbers of the factors of one step.
-    pub fn kept(&self, n: usize, rows: usize) -> usize {
+    fn kept(&self, n: usize, rows: usize) -> usize {
         match self {
             Rule::Ali3p(_) => 4 * n * n + 4 * n * rows,
             Rule::Alpha(_) => 0,
@@ -187,10 +204,27 @@ impl Made {
     }
 }
 
+/// A motion with controlled steps that was solved to rounding and kept; it serves the same start, times and numbers.
+pub struct KeptMotion {
+    pub steps: KeptSteps,
+    pub times: Vec<f64>,
+    pub x: Vec<f64>,
+}
+
+impl KeptMotion {
+    pub fn serves(&self, eq: &Equations<'_, f64>, plan: &Plan, start: &Here) -> bool {
+        let (own, there) = (&self.steps.start.motion, &start.instant.motion);
+        let same = own.t == there.t && own.q == there.q && own.rate == there.rate && own.memory == there.memory;
+        same && self.steps.steps.len() == plan.n_steps() && self.times == plan.times && self.x == eq.x
+    }
+}
+
 /// Goes from step to step; a kept factorisation of the motion is all that it holds.
 pub struct March<'a> {
     eq: &'a Equations<'a, f64>,
     plan: &'a Plan,
+    /// of a motion that was made before
+    kept: Option<&'a KeptSteps>,
     alpha: Option<GeneralizedAlpha>,
     radau: Option<Radau>,
     bdf: Option<Bdf>,
@@ -199,8 +233,8 @@ pub struct March<'a> {
 }
 
 impl<'a> March<'a> {
-    pub fn new(eq: &'a Equations<'a, f64>, plan: &'a Plan) -> Self {
-        March { eq, plan, alpha: None, radau: None, bdf: None, tangents: false }
+    pub fn new(eq: &'a Equations<'a, f64>, plan: &'a Plan, kept: Option<&'a KeptSteps>) -> Self {
+        March { eq, plan, kept, alpha: None, radau: None, bdf: None, tangents: false }
     }
 
     pub fn with_tangents(self) -> Self {
@@ -217,6 +251,9 @@ impl<'a> March<'a> {
     /// The end of step i, memories included, and how it came about.
     pub fn step(&mut self, i: usize, from: &Here, cancel: &Cancel, counts: &mut Counts) -> Result<(Here, Made)> {
         cancel.check()?;
+        if let Some(kept) = self.kept.and_then(|k| k.steps.get(i)) {
+            return self.as_kept(i, kept);
+        }
         counts.add("steps", 1);
         self.made(i, from, counts).map_err(|e| at_time(e, from.instant.motion.t))
     }
@@ -227,8 +264,28 @@ impl<'a> March<'a> {
             return Ok(None);
         }
         self.forget();
-        let instant = self.eq.instant(end.instant.motion.clone(), counts)?;
+        let instant = match self.kept.and_then(|k| k.steps.get(i)?.anew.clone()) {
+            Some(anew) => anew,
+            None => self.eq.instant(end.instant.motion.clone(), counts)?,
+        };
         Ok(Some(Here::first(instant, self.plan.rule)))
+    }
+
+    /// A step that was made before.
+    fn as_kept(&self, i: usize, step: &KeptStep) -> Result<(Here, Made)> {
+        let before = Instant {
+            motion: Motion { memory: step.memory.clone(), ..step.end.motion.clone() },
+            acceleration: Vec::new(),
+            lam: Vec::new(),
+        };
+        let stages = Box::new(Stages::implicit(step.h, step.parts.stages.clone(), &before)?);
+        let mut end = step.end.clone();
+        end.motion.t = self.plan.times[i + 1];
+        let made = match &step.parts.history {
+            Some(history) => Made::Bdf(stages, Box::new(history.clone())),
+            None => Made::Radau(stages),
+        };
+        Ok((Here::at(end), made))
     }
 
     fn made(&mut self, i: usize, from: &Here, counts: &mut Counts) -> Result<(Here, Made)> {

@@ -37,18 +37,21 @@ pub mod runge_kutta;
 pub mod stages;
 pub mod start;
 
+use std::sync::Arc;
+
 use crate::error::{Error, Result};
 use crate::run::Counts;
 
 use crate::integrate::bdf::record::Kind;
+use crate::integrate::kept::KeptSteps;
 use crate::integrate::{Equations, Instant, Motion};
-use march::Rule;
+use march::{Here, KeptMotion, Rule};
 
 /// One direction dx/dp of the numbers, sparse.
 pub type Direction = Vec<(usize, f64)>;
 
 /// What is run: times of all instants, the first one that of the start.
-#[derive(Debug, Clone)]
+#[derive(Clone)]
 pub struct Plan {
     pub times: Vec<f64>,
     pub rule: Rule,
@@ -63,6 +66,8 @@ pub struct Plan {
     pub read: Vec<bool>,
     /// quantities are also wanted inside the steps, at the nodes of the scheme's quadrature
     pub inner: bool,
+    /// the run that chose the steps, where it kept them
+    pub kept: Option<Arc<KeptMotion>>,
 }
 
 /// What the first instant follows besides closing its loops by the smallest change.
@@ -83,6 +88,13 @@ impl Plan {
             return Err(Error::model("the times of the steps must increase"));
         }
         Ok(())
+    }
+
+    /// The steps that the motion from here was made with, and their work; none where it is to be made.
+    pub fn kept_from(&self, eq: &Equations<'_, f64>, here: &Here, counts: &mut Counts) -> Option<&KeptSteps> {
+        let kept = self.kept.as_ref().filter(|k| k.serves(eq, self, here))?;
+        counts.merge(&kept.steps.counts);
+        Some(&kept.steps)
     }
 
     /// Are quantities wanted at instant i?

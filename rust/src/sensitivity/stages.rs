@@ -221,7 +221,7 @@ impl<'a> Probe<'a> {
             }
         }
         let own = |c: usize, w: usize| DMatrix::from_fn(k, w, |p, j| rates[(self.states[p], c + j)]);
-        let linear = eq.linearised(m, a, lam, 0.0, counts).2;
+        let linear = eq.tangents_of(m, a, lam, counts);
         let by_rates = match self.rows {
             Rows::Accelerations => by_rows.columns(n, n).into_owned(),
             Rows::Rates => linear.jacobian.clone(),

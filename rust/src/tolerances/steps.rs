@@ -26,8 +26,8 @@ pub const QUADRATIC: f64 = 1e-9;
 /// The same from which on tangents are the same too: derivatives of a motion part by less than 1e-10.
 pub const EXACT: f64 = 1e-11;
 
-/// Remainder of Newton's method over the motion within a fixed step: such steps have no tolerance. Larger: the remainder shows in
-/// measured orders. Smaller: rounding is solved.
+/// Remainder of Newton's method over the motion within a fixed step, which has no tolerance, and within a controlled one that is kept for
+/// its derivatives. Larger: the remainder shows in measured orders and in derivatives. Smaller: rounding is solved.
 pub const FIXED_SOLVED: f64 = 1e-12;
 /// Over the tolerance of a controlled step. Larger: the remainder is a part of its error. Smaller: iterations for nothing.
 pub const SHARE_OF_TOLERANCE: f64 = 0.01;

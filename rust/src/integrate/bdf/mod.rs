@@ -25,6 +25,7 @@ use crate::solve::inverse::Family;
 use crate::tolerances::motion::SAFETY;
 
 use super::interpolate::quintic;
+use super::kept::Parts;
 use super::radau::{FIVE, Radau};
 use super::{Equations, Instant, LocalError, Motion, Scheme, Step};
 use crate::multibody::rotations::rotation_triples;
@@ -150,6 +151,8 @@ pub struct Bdf {
     script: Option<Kind>,
     /// of the last step, where it is asked for
     record: Option<Recorded>,
+    /// of every step
+    keeps: bool,
     /// the last step began a history at order one
     begun: bool,
 }
@@ -184,6 +187,7 @@ impl Bdf {
             unsolved: None,
             script: None,
             record: None,
+            keeps: false,
             begun: false,
         }
     }
@@ -274,20 +278,6 @@ impl Bdf {
         self.history = Some(History { t: last.motion.t, h, chart: last.motion.clone(), d, equal: 0, made: h });
     }
 
-    /// Differences from now on count from the last pose; false if they did.
-    fn recharts(&mut self, eq: &Equations<'_, f64>) -> bool {
-        let order = self.order;
-        let Some(history) = self.history.as_mut().filter(|h| eq.widest_rotation(&h.d[0].y) > 0.0) else {
-            return false;
-        };
-        let turned = recharted(eq, history, order);
-        history.equal = 0;
-        if let Some(record) = &mut self.record {
-            record.before = Some(turned);
-        }
-        true
-    }
-
     /// The error of the formula of an order that a difference shows beyond what the equations leave unsolved.
     fn shown(&self, difference: &Pair, order: usize) -> LocalError {
         let mut error = difference.error(self.formula.error_constant(order));
@@ -364,6 +354,7 @@ impl Scheme for Bdf {
                 self.collect(eq, h);
             }
         }
+        self.keep_next();
         let Some(history) = self.history.as_mut() else {
             return Err(Error::singular("a multistep method without history"));
         };
@@ -374,8 +365,9 @@ impl Scheme for Bdf {
         let k = self.order;
         if (history.h / h - 1.0).abs() > SAME_STEP {
             stretched(&mut history.d, k, h / history.h);
-            if let Some(record) = &mut self.record {
-                record.stretch = h / history.h;
+            // rates that begin a history have no grid yet
+            if let Some(record) = self.record.as_mut().filter(|_| !self.begun) {
+                record.stretch *= h / history.h;
             }
             history.h = h;
             history.equal = 0;
@@ -525,8 +517,13 @@ impl Scheme for Bdf {
         Some(factor)
     }
 
+    fn parts(&mut self) -> Option<Parts> {
+        self.kept_parts()
+    }
+
     fn reset(&mut self) {
         self.history = None;
+        self.record = None;
         self.corrector.reset();
         self.points.clear();
         if let Begin::Radau(start) = &mut self.begin {

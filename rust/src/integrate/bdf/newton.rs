@@ -23,6 +23,11 @@ impl Newton {
     pub fn new(rtol: Option<f64>) -> Self {
         Newton { solved: rtol.map_or(FIXED_SOLVED, |r| SHARE_OF_TOLERANCE * r), kept: None }
     }
+
+    /// As far as fixed steps are solved.
+    pub fn to_rounding(self) -> Self {
+        Newton { solved: self.solved.min(FIXED_SOLVED), ..self }
+    }
 }
 
 impl Corrector for Newton {

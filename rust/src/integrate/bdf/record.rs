@@ -3,6 +3,7 @@ use crate::error::Result;
 use crate::run::Counts;
 
 use super::super::explicit8::RecordedStage;
+use super::super::kept::Parts;
 use super::super::radau::{FIVE, Radau};
 use super::super::{Equations, Instant, Scheme, Step};
 use super::differences::Formula;
@@ -94,11 +95,18 @@ pub struct Recorded {
     pub c: f64,
     pub stage: Option<RecordedStage>,
     pub after: Option<Recharted>,
+    /// the history took more turns, in shorter and shorter steps, than is held here
+    pub lost: bool,
 }
 
 impl Recorded {
     fn new(origin: Origin) -> Self {
-        Recorded { origin, stretch: 1.0, before: None, order: 1, c: 0.0, stage: None, after: None }
+        Recorded { origin, stretch: 1.0, before: None, order: 1, c: 0.0, stage: None, after: None, lost: false }
+    }
+
+    /// Of a shorter step from the history as the last try left it.
+    pub(super) fn again(self) -> Self {
+        Recorded { lost: self.lost || self.before.is_some(), stage: None, ..self }
     }
 
     pub(super) fn solved(&mut self, order: usize, c: f64, trial: &Trial, acceleration: Vec<f64>) {
@@ -120,6 +128,44 @@ impl Bdf {
     pub fn scripted() -> Self {
         let start = Begin::Radau(Box::new(Radau::new(&FIVE, None).recording()));
         Bdf::with(Box::new(Newton::new(None)), Formula::NDF, start, false)
+    }
+
+    /// Steps by a tolerance that are solved to rounding and kept.
+    pub fn keeping(rtol: f64) -> Self {
+        let newton = Newton::new(Some(rtol)).to_rounding();
+        Bdf { keeps: true, ..Bdf::with(Box::new(newton), Formula::NDF, Begin::Rates, false) }
+    }
+
+    /// The next step of a run that is kept: from the history as it is, or one that begins with it.
+    pub(super) fn keep_next(&mut self) {
+        if !self.keeps {
+            return;
+        }
+        self.record = Some(match self.record.take() {
+            _ if self.begun => Recorded::new(Origin::Rates),
+            Some(tried) => tried.again(),
+            None => Recorded::new(Origin::Before),
+        });
+    }
+
+    /// Differences from now on count from the last pose; false if they did.
+    pub(super) fn recharts(&mut self, eq: &Equations<'_, f64>) -> bool {
+        let order = self.order;
+        let Some(history) = self.history.as_mut().filter(|h| eq.widest_rotation(&h.d[0].y) > 0.0) else {
+            return false;
+        };
+        let turned = super::recharted(eq, history, order);
+        history.equal = 0;
+        if let Some(record) = &mut self.record {
+            record.before = Some(turned);
+        }
+        true
+    }
+
+    /// What the last step was made of.
+    pub(super) fn kept_parts(&mut self) -> Option<Parts> {
+        let own = self.record.take().filter(|r| self.keeps && !r.lost)?;
+        Some(Parts { stages: vec![own.stage.clone()?], history: Some(own) })
     }
 
     pub fn resume(&mut self, kept: Option<Kept>) {

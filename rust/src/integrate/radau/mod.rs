@@ -22,6 +22,7 @@ use crate::tolerances::motion::{CORRECTION_ROUNDING, LEAST_MOTION, NEWTON_ITERAT
 
 use super::explicit8::RecordedStage;
 use super::interpolate::{inside, quintic};
+use super::kept::Parts;
 use super::methods::STIFF;
 use super::{Equations, Instant, LocalError, Motion, Scheme, Step, scaled_size};
 use crate::tolerances::steps::{
@@ -96,6 +97,11 @@ impl Radau {
             patience: None,
             record: None,
         }
+    }
+
+    /// As far as fixed steps are solved.
+    pub fn to_rounding(self) -> Self {
+        Radau { solved: self.solved.min(FIXED_SOLVED), ..self }
     }
 
     /// Keep the stages of each step.
@@ -236,7 +242,7 @@ impl Radau {
         let scales = eq.scales();
         let speed = self.speed.max(h * scaled_size(&from.acceleration, &scales)).max(LEAST_MOTION / h);
         let (mut last, mut fresh) = (f64::INFINITY, false);
-        let most = if self.record.is_some() { RECORDED_ITERATIONS } else { NEWTON_ITERATIONS };
+        let most = if self.fixed && self.record.is_some() { RECORDED_ITERATIONS } else { NEWTON_ITERATIONS };
         for iteration in 1..=most {
             counts.add("iterations", 1);
             self.iterations = iteration;
@@ -429,6 +435,11 @@ impl Scheme for Radau {
 
     fn over(&mut self, time: f64) {
         self.time = time;
+    }
+
+    fn parts(&mut self) -> Option<Parts> {
+        let stages = self.recorded();
+        (!stages.is_empty()).then_some(Parts { stages, history: None })
     }
 
     fn accept(&mut self, _: &Equations<'_, f64>, _: &Instant, step: &Step, _: f64) {

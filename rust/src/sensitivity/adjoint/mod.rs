@@ -18,6 +18,7 @@ mod runge_kutta;
 mod stages;
 
 use crate::error::{Error, Result};
+use crate::integrate::kept::KeptSteps;
 use crate::integrate::{Equations, Instant};
 use crate::run::{Cancel, Counts};
 
@@ -47,6 +48,8 @@ fn first_back(
 pub struct Forward {
     pub values: Vec<f64>,
     pub width: usize,
+    /// the steps are those of the plan
+    is_kept: bool,
     every: usize,
     /// the first instant, before the states of laws at rest are told apart from it
     start: Here,
@@ -74,8 +77,7 @@ impl Stretch {
 /// them need about the same.
 fn stride(eq: &Equations<'_, f64>, plan: &Plan) -> usize {
     let n = plan.n_steps();
-    let place = eq.topology().n_q + 6 * eq.n() + 4 * eq.n_rows();
-    let step = place + plan.rule.kept(eq.n(), eq.n_rows());
+    let [place, step] = plan.rule.numbers(eq);
     if n * step <= plan.keep {
         return n.max(1);
     }
@@ -103,6 +105,7 @@ pub fn forward(
     let mut out = Forward {
         values: Vec::new(),
         width: wanted.iter().map(|q| q.width(eq)).sum(),
+        is_kept: false,
         every,
         start,
         checkpoints: Vec::new(),
@@ -110,7 +113,9 @@ pub fn forward(
         whole: (every >= n).then(|| Stretch::at(&here)),
     };
     let mut inner = Vec::new();
-    let (mut march, mut watch) = (March::new(eq, plan), Watch::new(eq, &here.instant));
+    let kept = plan.kept_from(eq, &here, counts);
+    out.is_kept = kept.is_some();
+    let (mut march, mut watch) = (March::new(eq, plan, kept), Watch::new(eq, &here.instant));
     for i in 0..=n {
         if i > 0 {
             let (end, gone) = stepped(&mut march, i - 1, &here, cancel, counts)?;
@@ -152,13 +157,13 @@ fn stepped(march: &mut March<'_>, i: usize, from: &Here, cancel: &Cancel, counts
 fn repeat(
     eq: &Equations<'_, f64>,
     plan: &Plan,
-    from: &Here,
+    (from, kept): (&Here, Option<&KeptSteps>),
     steps: std::ops::Range<usize>,
     cancel: &Cancel,
     counts: &mut Counts,
 ) -> Result<Stretch> {
     let mut out = Stretch::at(from);
-    let mut march = March::new(eq, plan);
+    let mut march = March::new(eq, plan, kept);
     for (k, i) in steps.enumerate() {
         let (end, gone) = stepped(&mut march, i, &out.places[k], cancel, counts)?;
         out.places.push(end);
@@ -186,13 +191,14 @@ pub fn backward(
     let first = &run.checkpoints[0];
     let mut at = Adjoint::none(first);
     let mut longest = 0;
+    let kept = plan.kept.as_ref().filter(|_| run.is_kept).map(|k| &k.steps);
     for (k, checkpoint) in run.checkpoints.iter().enumerate().rev() {
         let (a, b) = (k * run.every, ((k + 1) * run.every).min(n));
         let again;
         let stretch = match &run.whole {
             Some(whole) => whole,
             None => {
-                again = repeat(eq, plan, checkpoint, a..b, cancel, counts)?;
+                again = repeat(eq, plan, (checkpoint, kept), a..b, cancel, counts)?;
                 longest = longest.max(again.steps.len());
                 &again
             }

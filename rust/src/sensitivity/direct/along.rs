@@ -167,7 +167,7 @@ impl<'a> Along<'a> {
     pub fn accelerate(&mut self, m: &Motion<f64>, there: &Instant, by: &Kkt, counts: &mut Counts) -> Result<()> {
         let eq = self.eq;
         let (a, lam) = (&there.acceleration, &there.lam);
-        let linear = eq.linearised(m, a, lam, 0.0, counts).2;
+        let linear = eq.tangents_of(m, a, lam, counts);
         let none = self.zeros(eq.n());
         let (x, v, z) = (&self.now.x, &self.now.v, &self.now.z);
         let f = -self.residual(&linear, (m, a, lam), [x, v, &none], counts);

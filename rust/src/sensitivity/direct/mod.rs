@@ -69,7 +69,7 @@ impl Along<'_> {
         let (c, f) = (0.25 * h * h, 2.0 / h);
         let (start, a0) = (&from.instant.motion, &from.instant.acceleration);
         let (theta, mut m, a) = stars(eq, start, a0, &record.straight, h);
-        let renewed = (!by.exact).then(|| eq.linearised(&m, &a, &record.lam, 0.0, counts).2);
+        let renewed = (!by.exact).then(|| eq.tangents_of(&m, &a, &record.lam, counts));
         let linear = renewed.as_ref().unwrap_or(linear);
         let mut x = carried(eq.topology(), &theta, &self.now.x);
         let mut v = -&self.now.v;
@@ -222,13 +222,14 @@ pub fn direct(
         radau: radau.then(|| Probe::new(eq, Rows::Accelerations)),
         bdf: bdf.then(|| Probe::new(eq, Rows::Rates)),
     };
-    let mut march = March::new(eq, plan).with_tangents();
     let mut watch = Watch::new(eq, &first);
     let mut here = Here::first(first, plan.rule);
     if !plan.rule.opens_states() {
         // laws at rest begin with the states that belong to the drawn pose
         here = along.open(&here, 0.0).into_owned();
     }
+    let kept = plan.kept_from(eq, &here, counts);
+    let mut march = March::new(eq, plan, kept).with_tangents();
     for i in 0..n_t {
         if i > 0 {
             let (end, made) = march.step(i - 1, &here, cancel, counts)?;
