@@ -35,7 +35,7 @@ def backwards(run, m, seed=5):
     return values, forward.gradient(seeds)[0], forward.counts()
 
 
-def compared(m, scheme, t, rtol, without=()):
+def compared(m, scheme, t, rtol):
     """Largest differences of values and derivatives, kept and made again, over the largest of both; steps."""
     run = chosen(m, scheme, t, rtol)
     assert run.kept is not None
@@ -43,8 +43,7 @@ def compared(m, scheme, t, rtol, without=()):
     n = len(run.times) - 1
     assert work["steps"] == more["steps"] == n
     sizes = np.abs(other).max(axis=0) + 1e-3
-    read = ~np.isin(directions(m, all_addresses(m)).labels, without)
-    return np.abs((values - other) / sizes).max(), np.abs(slopes - again)[read].max() / np.abs(again).max(), n
+    return np.abs((values - other) / sizes).max(), np.abs(slopes - again).max() / np.abs(again).max(), n
 
 
 @pytest.mark.parametrize("scheme", SCHEMES)
@@ -63,17 +62,20 @@ def test_kept_steps_are_those_that_are_made_again(name, scheme):
 )
 def test_through_charts_and_breaks(make, scheme):
     """Rotations through several charts, a load that is not smooth at a time, and many lengths and orders of steps."""
-    # by the time of a break itself, a step that ends at it and one that ends just before it have different derivatives: see below
-    value, slope, n = compared(make(), scheme, 0.8, 1e-7, without=["push.z_start"])
+    value, slope, n = compared(make(), scheme, 0.8, 1e-7)
     print(f"{n} steps: values {value:.1e}, derivatives {slope:.1e}")
     assert value < 1e-8
     assert slope < 1e-7
 
 
+WAYS = [(scheme, {"rtol": 1e-10}) for scheme in ("radau", "bdf", "explicit")]
+WAYS += [(scheme, {"step": 1e-3}) for scheme in ("explicit", "radau", "generalized-alpha", "ali3p", "bdf")]
+
+
 @pytest.mark.parametrize("method", ["direct", "adjoint"])
-@pytest.mark.parametrize("scheme", SCHEMES)
-def test_the_time_at_which_a_load_begins(scheme, method):
-    """By differences of values of the explicit method: no stage of a kept step is behind the break."""
+@pytest.mark.parametrize(("scheme", "steps"), WAYS)
+def test_the_time_at_which_a_load_begins(scheme, steps, method):
+    """By differences of values of the explicit method: no stage of a step is behind the break where it ends."""
     m, name, e = pushed(), "push.z_start", 1e-3
     psi, now = mb.Integral(lambda s: s.joint("A") ** 2), m.value(name)
     value = {}
@@ -82,9 +84,10 @@ def test_the_time_at_which_a_load_begins(scheme, method):
         value[k] = mb.gradient(m, psi, "k", t=0.8, rtol=1e-12, scheme="explicit").value
     m.set({name: now})
     exact = (8.0 * (value[1] - value[-1]) - (value[2] - value[-2])) / (12.0 * e)
-    found = mb.gradient(m, psi, name, t=0.8, rtol=1e-10, scheme=scheme, method=method).gradient[0]
+    found = mb.gradient(m, psi, name, t=0.8, **steps, scheme=scheme, method=method).gradient[0]
     print(f"{found:.9f}, differences {exact:.9f}")
-    assert found == pytest.approx(exact, rel=1e-6)
+    # fixed steps of order two: 1e-3 of a period of 4 s
+    assert found == pytest.approx(exact, rel=1e-6 if "rtol" in steps or scheme in ("explicit", "radau") else 2e-4)
 
 
 @pytest.mark.parametrize("method", ["direct", "adjoint"])

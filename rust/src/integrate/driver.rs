@@ -7,9 +7,9 @@ use super::detour::{Approach, Detour, Passage, again, passage};
 use super::kept::KeptSteps;
 use super::watch::{Mark, Seen, Watch};
 use super::way::{Aim, Uncounted, Verdict, Way, active};
-use super::{Equations, Instant, LocalError, Motion, Scheme, Step};
+use super::{Equations, Instant, LocalError, Motion, Scheme, Step, before_break};
 use crate::tolerances::singular_poses::{FARTHEST_CROSSING, LATER, NEAREST_CROSSING};
-use crate::tolerances::steps::{BEFORE_BREAK, FINEST_CROSSING, ON_GRID, SAME_INSTANT, SAME_LENGTH};
+use crate::tolerances::steps::{FINEST_CROSSING, ON_GRID, SAME_INSTANT, SAME_LENGTH};
 
 pub use super::plan::{End, Output, Plan, Progress, Run, Steps};
 
@@ -199,11 +199,10 @@ impl Driver<'_, '_, '_> {
         if let Some(until) = way.detour.as_ref().and_then(|d| d.end_within(t, length)) {
             (length, target) = (until - t, Some(until));
         }
-        // a break is approached from the left; what jumps there belongs to what follows
         let end = self.plan.end;
         let broken = target.filter(|t| *t < end && self.plan.breaks.contains(t));
         if broken.is_some() {
-            length -= (BEFORE_BREAK * end.abs().max(end - self.start)).min(0.5 * length);
+            length = before_break(length, self.start, end);
             target = None;
         }
         Aim { length, target, broken }

@@ -71,6 +71,7 @@ use crate::multibody::placement::{Placement, advance, difference, place};
 use crate::multibody::topology::Topology;
 use crate::run::Counts;
 use crate::spatial::Real;
+use crate::tolerances::steps::BEFORE_BREAK;
 use kept::Parts;
 
 /// Where the model is, how it moves, and what its laws remember.
@@ -205,6 +206,11 @@ pub trait Scheme {
     ) -> Result<Vec<Motion<f64>>> {
         Ok(interpolate::quintic(eq, from, &step.end, h, fractions))
     }
+}
+
+/// The length of a step to where a load or a drive is not smooth: it ends just before, what jumps there belongs to what follows.
+pub fn before_break(length: f64, start: f64, end: f64) -> f64 {
+    length - (BEFORE_BREAK * end.abs().max(end - start)).min(0.5 * length)
 }
 
 /// The largest entry over its scale; entries that are nan do not count.

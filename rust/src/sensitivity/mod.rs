@@ -44,7 +44,7 @@ use crate::run::Counts;
 
 use crate::integrate::bdf::record::Kind;
 use crate::integrate::kept::KeptSteps;
-use crate::integrate::{Equations, Instant, Motion};
+use crate::integrate::{Equations, Instant, Motion, before_break};
 use march::{Here, KeptMotion, Rule};
 
 /// One direction dx/dp of the numbers, sparse.
@@ -121,8 +121,13 @@ impl Plan {
         self.times.len() - 1
     }
 
+    /// The length of step i.
     pub fn step(&self, i: usize) -> f64 {
-        self.times[i + 1] - self.times[i]
+        let (length, last) = (self.times[i + 1] - self.times[i], self.n_steps());
+        if i + 1 < last && self.breaks.contains(&self.times[i + 1]) {
+            return before_break(length, self.times[0], self.times[last]);
+        }
+        length
     }
 }
 
