@@ -79,7 +79,7 @@ class FlexibleBody(Body):
                 node_shape=np.concatenate([modal.node_shape, shape[new]]),
                 node_quadratic=np.concatenate([modal.node_quadratic, quadratic[new]]),
             )
-            added = _node_numbers(position[new], shape[new], quadratic[new], self.integrals.quadratic)
+            added = _node_numbers((position[new], shape[new], quadratic[new]), self.integrals.quadratic)
             self.integrals.grow(added, len(new))
         return [self.use(self.modal.nodes.index(name)) for name in names]
 
@@ -292,8 +292,8 @@ def _as_it_is(a: Any) -> Any:
 
 def _numbers_of(modal: ModalBody) -> list[Number]:
     parts = [modal.driven.get(name, getattr(modal, name)) for name in ("S", "P1", "P2", "K", "C", "KG")]
-    of_nodes = (f"node_{part}" for part in ("position", "shape", "quadratic"))
-    nodes = _node_numbers(*(modal.driven.get(name, getattr(modal, name)) for name in of_nodes), _is_quadratic(modal))
+    of_nodes = [f"node_{part}" for part in ("position", "shape", "quadratic")]
+    nodes = _node_numbers([modal.driven.get(name, getattr(modal, name)) for name in of_nodes], _is_quadratic(modal))
     return [*np.concatenate([part.ravel() for part in parts]).tolist(), *nodes]
 
 
@@ -301,10 +301,11 @@ def _is_quadratic(modal: ModalBody) -> bool:
     return bool(np.any(modal.node_quadratic) or np.any(modal.line_quadratic))
 
 
-def _node_numbers(position: np.ndarray, shape: np.ndarray, quadratic: np.ndarray, all_three: bool) -> list[Number]:
-    """The numbers of nodes, one after the other."""
-    parts = [position, shape, quadratic] if all_three else [position, shape]
-    return np.concatenate([part.reshape(len(position), -1) for part in parts], axis=1).ravel().tolist()  # type: ignore[no-any-return]
+def _node_numbers(parts: Sequence[np.ndarray], is_quadratic: bool) -> list[Any]:
+    """The numbers of nodes, one after the other, of their positions, shapes and second-order displacements."""
+    rows = [part.reshape(len(part), -1) for part in (parts if is_quadratic else parts[:2])]
+    made: list[Any] = np.concatenate(rows, axis=1).ravel().tolist()
+    return made
 
 
 # --- methods of `Model` -----
