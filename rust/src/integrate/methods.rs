@@ -77,7 +77,7 @@ impl Method {
         plan.kept?;
         match self {
             Method::Bdf => Some(Box::new(Bdf::keeping(rtol))),
-            Method::Radau(tableau) => Some(Box::new(Radau::new(tableau, Some(rtol)).to_rounding().recording())),
+            Method::Radau(tableau) => Some(Box::new(Radau::new(tableau, Some(rtol)).until_rounding().recording())),
             _ => None,
         }
     }

@@ -25,7 +25,7 @@ impl Newton {
     }
 
     /// As far as fixed steps are solved.
-    pub fn to_rounding(self) -> Self {
+    pub fn until_rounding(self) -> Self {
         Newton { solved: self.solved.min(FIXED_SOLVED), ..self }
     }
 }

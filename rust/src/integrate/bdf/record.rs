@@ -132,7 +132,7 @@ impl Bdf {
 
     /// Steps by a tolerance that are solved to rounding and kept.
     pub fn keeping(rtol: f64) -> Self {
-        let newton = Newton::new(Some(rtol)).to_rounding();
+        let newton = Newton::new(Some(rtol)).until_rounding();
         Bdf { keeps: true, ..Bdf::with(Box::new(newton), Formula::NDF, Begin::Rates, false) }
     }
 

@@ -100,7 +100,7 @@ impl Radau {
     }
 
     /// As far as fixed steps are solved.
-    pub fn to_rounding(self) -> Self {
+    pub fn until_rounding(self) -> Self {
         Radau { solved: self.solved.min(FIXED_SOLVED), ..self }
     }
 
