@@ -237,33 +237,16 @@ def simulate(
     >>> bool(y.error[0] < 1e-5)
     True
     """
+    of_models: dict[str, Any] = dict(
+        at=at, coordinates=coordinates, parameters=parameters, penalty=penalty, passes=passes
+    )
+    given: dict[str, Any] = dict(rtol=rtol, step=step, method=method, rho=rho, form=form, update=update)
+    given |= dict(order=order, max_step=max_step, first_step=first_step, max_steps=max_steps)
     if isinstance(m, MechanicalSystem):
-        of_models = dict(at=at, coordinates=coordinates, parameters=parameters, penalty=penalty, passes=passes)
         refuse_options_of_models(of_models, without)
-        given: dict[str, Any] = dict(rtol=rtol, step=step, method=method, rho=rho, form=form, update=update)
-        given |= dict(order=order, max_step=max_step, first_step=first_step, max_steps=max_steps)
         return simulate_matrices(m, t, loads, x0, v0, given, simulate, _compared_with)
     refuse_options_of_matrices(dict(loads=loads, x0=x0, v0=v0))
-    return _of_model(
-        m,
-        t,
-        rtol=rtol,
-        step=step,
-        method=method,
-        at=at,
-        without=without,
-        rho=rho,
-        form=form,
-        update=update,
-        coordinates=coordinates,
-        order=order,
-        max_step=max_step,
-        first_step=first_step,
-        max_steps=max_steps,
-        parameters=parameters,
-        penalty=penalty,
-        passes=passes,
-    )[0]
+    return _of_model(m, t, without=without, **given, **of_models)[0]
 
 
 def kept_motion(m: Model, t: ArrayLike, keep: int, **asked: Any) -> tuple[Trajectory, _core.KeptMotion | None]:

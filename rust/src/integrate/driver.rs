@@ -232,7 +232,7 @@ impl Driver<'_, '_, '_> {
             return Ok(false);
         }
         let mark = self.mark();
-        let memory = step.end.motion.memory.clone();
+        let memory = self.run.kept.as_ref().map(|_| step.end.motion.memory.clone());
         let active = active(&mut way.detour, scheme);
         way.kinked = active.per_unit_step() && self.eq.passes_kink(&way.here.motion, &step.end.motion);
         self.record(active, &way.here, &mut step, aim.length, counts)?;

@@ -41,10 +41,11 @@ impl Run {
         &mut self,
         scheme: &mut dyn Scheme,
         step: &Step,
-        (memory, h): (Vec<f64>, f64),
+        (memory, h): (Option<Vec<f64>>, f64),
         most: Option<usize>,
     ) {
-        let Some(mut kept) = self.kept.take().filter(|k| most.is_some_and(|most| k.steps.len() < most)) else { return };
+        let room = |k: &KeptSteps| most.is_some_and(|most| k.steps.len() < most);
+        let (Some(mut kept), Some(memory)) = (self.kept.take().filter(room), memory) else { return };
         let Some(parts) = scheme.parts() else { return };
         kept.steps.push(KeptStep { h, parts, end: step.end.clone(), memory, anew: None });
         self.kept = Some(kept);

@@ -497,7 +497,9 @@ impl<'a> Builder<'a> {
         let n = self.free.topology.n_tree;
         let mut made = Triplets::new(n, n);
         self.free.multiplier_stiffness_into(&all, &mut made, counts);
-        self.free.add_turned_forces(self.free.body_wrenches(None), &mut made);
+        if let Some(fold) = self.fold.filter(|f| f.is_quadratic()) {
+            fold.add_turned_forces(&self.free.over_columns(self.free.body_wrenches(None)), &mut made);
+        }
         made.list.into_iter().for_each(|(i, j, v)| self.stiffness.add(i as usize, j as usize, v));
     }
 

@@ -253,7 +253,7 @@ impl<T: Real> Scene<'_, T> {
     }
 
     /// Generalised forces of body wrenches over the columns.
-    fn over_columns(&self, wrenches: Vec<Six<T>>) -> DVector<T> {
+    pub(crate) fn over_columns(&self, wrenches: Vec<Six<T>>) -> DVector<T> {
         let sums = self.subtree_wrenches(wrenches);
         let columns = self.topology.dofs.iter().zip(&self.placement.column);
         DVector::from_iterator(self.topology.dofs.len(), columns.map(|(dof, s)| s.dot(&sums[dof.node])))
@@ -294,7 +294,8 @@ impl<T: Real> Scene<'_, T> {
         let kept = || keeps.then(Vec::new);
         let mut made = self.tangent_over_columns(lam, counts, || Folded { inner: empty(), fold, kept: kept() });
         if quadratic && self.effects.constraint_force_stiffness {
-            self.add_turned_forces(self.body_wrenches(lam), &mut made.stiffness.inner);
+            let forces = self.over_columns(self.body_wrenches(lam));
+            fold.add_turned_forces(&forces, &mut made.stiffness.inner);
             counts.add("turning node forces", 1);
         }
         if keeps {
@@ -306,13 +307,6 @@ impl<T: Real> Scene<'_, T> {
             gyroscopic: made.gyroscopic.map(|g| g.inner),
             stiffness: made.stiffness.inner,
             number: PhantomData,
-        }
-    }
-
-    /// The stiffness of wrenches at nodes that move in second order, whose shares in the modal coordinates turn with these.
-    pub(crate) fn add_turned_forces(&self, wrenches: Vec<Six<T>>, into: &mut impl Entries<T>) {
-        if let Some(fold) = self.fold().filter(Fold::is_quadratic) {
-            fold.add_turned_forces(&self.over_columns(wrenches), into);
         }
     }
 
@@ -443,7 +437,9 @@ impl<T: Real> Scene<'_, T> {
             None => self.add_multiplier_stiffness(lam, into, counts),
             Some(fold) => {
                 self.add_multiplier_stiffness(lam, &mut Folded::new(&mut *into, fold), counts);
-                self.add_turned_forces(self.multiplier_wrenches(lam), into);
+                if fold.is_quadratic() {
+                    fold.add_turned_forces(&self.over_columns(self.multiplier_wrenches(lam)), into);
+                }
             }
         }
     }

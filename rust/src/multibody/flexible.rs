@@ -67,9 +67,10 @@ pub fn node_accelerations<T: Real>(
     geometry: &Geometry<T>,
     modal: &[T],
     rate: Option<&[T]>,
-    acceleration: &[T],
+    acceleration: Option<&[T]>,
 ) -> Vec<T> {
-    let mut out = node_rates(topology, geometry, modal, acceleration);
+    let none = || vec![T::zero(); topology.dofs.len() - topology.n_tree];
+    let mut out = acceleration.map_or_else(none, |a| node_rates(topology, geometry, modal, a));
     let (Some(rate), Some(first)) = (rate, topology.modal.first().map(|m| m.first)) else {
         return out;
     };

@@ -116,13 +116,7 @@ impl<T: Real> InertiaInput<'_, T> {
 
     /// Those of the columns of moving nodes, as far as accelerations and rates count.
     fn node_accelerations(&self) -> Vec<T> {
-        let n = self.topology.n_tree;
-        if self.topology.dofs.len() == n {
-            return Vec::new();
-        }
-        let none = || vec![T::zero(); n];
-        let acceleration = self.acceleration.map_or_else(none, <[T]>::to_vec);
-        node_accelerations(self.topology, self.geometry, &self.placement.modal, self.rate, &acceleration)
+        node_accelerations(self.topology, self.geometry, &self.placement.modal, self.rate, self.acceleration)
     }
 
     /// Per node: the spatial acceleration about the centre of mass.

@@ -191,7 +191,7 @@ fn body_accelerations<T: Real>(eq: &Equations<'_, T>, at: &Point<'_, T>, placeme
     // spatial accelerations first, which add up like velocities
     let mut spatial: Vec<Six<T>> = Vec::with_capacity(topology.nodes.len());
     let rate = Some(at.motion.rate.as_slice());
-    let nodes = node_accelerations(topology, &eq.geometry, &placement.modal, rate, at.acceleration);
+    let nodes = node_accelerations(topology, &eq.geometry, &placement.modal, rate, Some(at.acceleration));
     let n = at.acceleration.len();
     for (i, node) in topology.nodes.iter().enumerate() {
         let mut a =

@@ -112,7 +112,7 @@ impl<T: OnTape> Power<'_, '_, T> {
         };
         let (rate, acceleration) = (whole(self.motion.rate.clone()), whole(self.acceleration.to_vec()));
         let turning = self.turning().then_some(rate.as_slice());
-        let pushed = node_accelerations(topology, geometry, &at.modal, turning, &acceleration);
+        let pushed = node_accelerations(topology, geometry, &at.modal, turning, Some(&acceleration));
         Columns {
             acceleration: with(acceleration, pushed),
             virtual_: moved(whole(self.rates.iter().map(|u| T::from(*u)).collect())),
