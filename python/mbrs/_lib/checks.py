@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Iterable, Sequence
-from types import FrameType
 from typing import Any
 
 import numpy as np
@@ -195,12 +193,3 @@ def _fitting(name: str, array: np.ndarray, shape: Sequence[int | str] | None, gi
 
 def _after(give: str) -> str:
     return f"; {give}" if give else ""
-
-
-def user_level() -> int:
-    """The ``stacklevel`` of a warning, given where this is called, that shows the user's own line."""
-    frame: FrameType | None = sys._getframe(1)
-    level = 1
-    while frame is not None and str(frame.f_globals.get("__name__", "")).startswith("mbrs."):
-        frame, level = frame.f_back, level + 1
-    return level

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
 from ..errors import ModelError, OmissionWarning
+from .warning import warn_user
 
 __all__ = ["Format", "Omission", "find", "known", "load_with", "open_file", "register", "warn_of_omissions"]
 
@@ -126,10 +127,8 @@ def open_file(path: str | Path, largest: int = LARGEST_FILE) -> bytes:
     return data
 
 
-def warn_of_omissions(name: str, omissions: list[Omission], stacklevel: int = 4) -> None:
+def warn_of_omissions(name: str, omissions: list[Omission]) -> None:
     """One `OmissionWarning` for a file, that names each object; nothing where nothing was left out."""
-    import warnings
-
     if not omissions:
         return
     objects: dict[str, list[str]] = {}
@@ -141,7 +140,7 @@ def warn_of_omissions(name: str, omissions: list[Omission], stacklevel: int = 4)
         more = f" and {len(distinct) - _LISTED} more" if len(distinct) > _LISTED else ""
         parts.append(f"{feature}: {', '.join(_short(n) for n in distinct[:_LISTED])}{more}")
     text = f"{_short(name)}: left out or changed: " + "; ".join(parts)
-    warnings.warn(OmissionWarning(text, tuple(omissions)), stacklevel=stacklevel)
+    warn_user(OmissionWarning(text, tuple(omissions)))
 
 
 def _short(text: str) -> str:

@@ -16,7 +16,6 @@ import re
 import socket
 import sys
 import threading
-import warnings
 from collections.abc import Iterator, Mapping
 from functools import partial
 from pathlib import Path
@@ -26,7 +25,8 @@ import numpy as np
 
 from .._lib.checks import shown
 from .._lib.files import write_atomic
-from ..errors import MbrsWarning, ModelError, StoreError
+from .._lib.warning import warn_user
+from ..errors import ModelError, StoreError
 from .chunk import Chunk, pack, unpacked
 from .sources import digest
 from .table import Designs, fingerprint
@@ -112,11 +112,9 @@ class Store:
                 "one. What differs (- there, + now):\n" + "\n".join(lines[:20])
             )
         if found[2] != self._wanted["versions"]:
-            warnings.warn(
+            warn_user(
                 f"the sweep in {self.folder} was begun with {found[2]}, it goes on with {self._wanted['versions']}; the last bits "
                 "of its results may differ between these",
-                MbrsWarning,
-                stacklevel=2,
             )
 
     def ranges(self) -> list[tuple[int, int]]:
@@ -134,7 +132,7 @@ class Store:
                 raise ModelError("the file of a chunk holds other designs than its name says")
             return chunk
         except ModelError as reason:
-            warnings.warn(f"{path}: {reason}; its designs are computed again", MbrsWarning, stacklevel=2)
+            warn_user(f"{path}: {reason}; its designs are computed again")
             path.unlink()
             return None
 

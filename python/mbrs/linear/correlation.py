@@ -12,6 +12,7 @@ import numpy as np
 
 from .._lib.checks import complex_array, shown
 from .._lib.text import counted
+from .._lib.warning import warn_user
 from ..errors import MbrsWarning, ModelError
 from ..results import Result, Stats, quantity, result
 from .frf import FrfResult, frf
@@ -346,7 +347,7 @@ def correlate(
     h = None if measured is None else computed_frf(m, measured, made, at)
     checks = () if measured is None or h is None else _signs_and_units(measured, h)
     for text in checks:
-        warnings.warn(text, MbrsWarning, stacklevel=2)
+        warn_user(text)
     return Correlation(
         mac=like,
         partner=partner,

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-import warnings
 from collections.abc import Mapping, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -14,7 +13,8 @@ from .. import _core
 from .._lib.border import core_errors
 from .._lib.progress import call_progress
 from .._lib.text import Block, counted, without_rounding
-from ..errors import ConvergenceError, MbrsWarning
+from .._lib.warning import warn_user
+from ..errors import ConvergenceError
 from ..model.schema import BODY
 from ..results import Result, Stats, derived, quantity, result
 from ..system.effects import check_without, effects
@@ -219,10 +219,8 @@ def _equilibrium(snapshot: Snapshot, r: dict[str, Any], without: tuple[str, ...]
             if r["iterations"]
             else "it started in balance already; draw it slightly off to let it fall to a stable one"
         )
-        warnings.warn(
+        warn_user(
             f"the equilibrium of {snapshot.model.name!r} is unstable: {why}",
-            MbrsWarning,
-            stacklevel=3,
         )
     linearization = linearization_at(snapshot, state, r, without, start, warn=False)
     return Equilibrium(

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import sys
 import time
-import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import field, replace
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -16,7 +15,8 @@ from .._lib.border import core_errors
 from .._lib.checks import choice, count, real_array
 from .._lib.progress import call_progress
 from .._lib.text import counted
-from ..errors import MbrsWarning, ModelError
+from .._lib.warning import warn_user
+from ..errors import ModelError
 from ..results import Result, Stats, added_counts, quantity, result
 from .linear_system import LinearSystem, Origin, csc_arrays, relaxes
 from .relaxation import States
@@ -478,11 +478,9 @@ def _warn_missed(
     missed = [w / (2 * np.pi) for w in found]
     if missed:
         shown = ", ".join(f"{f:.6g}" for f in missed[:8]) + (", ..." if len(missed) > 8 else "")
-        warnings.warn(
+        warn_user(
             f"the frequency points miss {len(missed)} resonance{'s' if len(missed) > 1 else ''} at {shown} Hz; "
             "a range such as frequency=(from, to) is sampled as needed",
-            MbrsWarning,
-            stacklevel=3,
         )
 
 
@@ -490,8 +488,6 @@ def _warn_singular(points: np.ndarray, singular: Sequence[int]) -> None:
     for index in list(singular)[:3]:
         f = points[index] / (2 * np.pi)
         why = "the system can move freely" if f == 0.0 else "it lies on an undamped resonance"
-        warnings.warn(
+        warn_user(
             f"the dynamic stiffness is singular at {f:.6g} Hz ({why}): the transfer function is infinite at this frequency",
-            MbrsWarning,
-            stacklevel=3,
         )

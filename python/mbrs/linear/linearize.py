@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-import warnings
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
@@ -12,7 +11,8 @@ import numpy as np
 
 from .. import _core
 from .._lib.border import core_errors
-from ..errors import MbrsWarning, ModelError
+from .._lib.warning import warn_user
+from ..errors import ModelError
 from ..model.model import Model
 from ..results import Stats
 from ..system.air_flow import require_covered_at
@@ -120,10 +120,8 @@ def linearization_at(
     if state.kind == "equilibrium" and error > BALANCED:  # of values that have changed since
         state = replace(state, kind="given")
     if warn and not state.moving and error > BALANCED:
-        warnings.warn(
+        warn_user(
             f"the {state.kind} state of {model.name!r} is not in balance: {_unbalance(r)}; linearise at mb.equilibrium(m) instead",
-            MbrsWarning,
-            stacklevel=3,
         )
     on = tuple(e for e in effects(model).on if e not in without)
     return Linearization(

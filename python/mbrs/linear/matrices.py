@@ -167,7 +167,7 @@ class MechanicalSystem:
         done = write_matrices({n: a for n in "MCKGN" if (a := getattr(self, n)) is not None}, path)
         lost = [Omission(type(e).__name__, "nonlinear elements") for e in self.elements]
         lost += [Omission(name, "names of coordinates") for i, name in enumerate(self.coordinates) if name != f"x{i}"]
-        warn_of_omissions(Path(path).name, lost, stacklevel=3)
+        warn_of_omissions(Path(path).name, lost)
         return done
 
     @property

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-import warnings
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -13,7 +12,8 @@ import numpy as np
 from .. import _core
 from .._lib.border import core_errors
 from .._lib.progress import Elapsed
-from ..errors import ConvergenceError, MbrsWarning, ModelError, RouteError
+from .._lib.warning import warn_user
+from ..errors import ConvergenceError, ModelError, RouteError
 from ..results import Stats
 from ..system.effects import check_without, effects
 from ..system.snapshot import Snapshot
@@ -160,12 +160,10 @@ def model_modes(
             raise
         return None
     if at is None and not state.moving and r["unbalanced"] > BALANCED:
-        warnings.warn(
+        warn_user(
             f"the drawn state of {model.name!r} is not in balance: at {r['worst']!r} "
             f"{r['unbalanced']:.1e} of all forces is "
             "unbalanced; take the modes at an equilibrium instead",
-            MbrsWarning,
-            stacklevel=4,
         )
     count = r["shape"].shape[1]
     if not np.any(r["body"].imag):

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
-from .._lib.checks import user_level
-from ..errors import InertiaError, MbrsWarning, ModelError
+from .._lib.warning import warn_user
+from ..errors import InertiaError, ModelError
 from .aliases import Axis, BodyLike, Matrix, PoseLike, Rotation, Scalar, Vector, Vector3
 from .argument_checks import INERTIA_TOLERANCE, pack
 from .attach import places
@@ -178,11 +177,9 @@ def _check_inertia(where: str, j: Sequence[float]) -> None:
     if high <= low + middle + slack:
         return
     if j[0] == 0.0 == j[1] and not any(j[3:]):
-        warnings.warn(
+        warn_user(
             f"{where} (0, 0, {j[2]:g}) is planar data: no rigid body has it, and it serves only if the joints "
             "allow no rotation about x and y",
-            MbrsWarning,
-            stacklevel=user_level(),
         )
         return
     raise problem(

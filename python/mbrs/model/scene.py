@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
 
-from .._lib.checks import user_level
 from .._lib.rotations import quaternion_matrix
-from ..errors import MbrsWarning, ModelError
+from .._lib.warning import warn_user
+from ..errors import ModelError
 from ..view.modes import line_points
 from ..view.scene import BodyGeometry, JointGeometry, LinkGeometry, LoadGeometry, SceneGeometry, Solid
 from ..view.shapes import surface
@@ -100,7 +99,7 @@ def _solids(name: str, shapes: Any, origin: np.ndarray, rotation: np.ndarray) ->
         try:
             yield surface(shape, origin, rotation)
         except ModelError as reason:
-            warnings.warn(f"the shape of body {name!r} is not drawn: {reason}", MbrsWarning, stacklevel=user_level())
+            warn_user(f"the shape of body {name!r} is not drawn: {reason}")
 
 
 def _rims(tables: Mapping[str, Any], x: np.ndarray) -> Iterator[tuple[int, np.ndarray]]:

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._lib.checks import user_level
-from ..errors import MbrsError, MbrsWarning
+from .._lib.warning import warn_user
+from ..errors import MbrsError
 from ..linear.modal_result import dominant_in
 from ..linear.modes import modes
 
@@ -45,12 +45,10 @@ def warn_amplified(m: Model, at: Any, steps: ArrayLike) -> None:
         return
     s = modes.eigenvalue[worst]
     grown = f"a factor of {np.exp(growth[worst]):.3g}" if growth[worst] < 30 else "more than 1e13"
-    warnings.warn(
+    warn_user(
         f"'bdf-bfgs' amplifies mode {worst} ({s.imag / (2 * np.pi):.4g} Hz, {dominant_in(modes)[worst]}) of {m.name!r} by {grown} "
         f"over this run, if it is excited: omega h = {abs(s) * h:.3g} lies between 0 and 4.8, where BDF of order 4 is not "
         "stable; take a smaller step, give the mode damping, or use 'generalized-alpha'",
-        MbrsWarning,
-        stacklevel=user_level(),
     )
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import functools
 import math
 import time
-import warnings
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, overload
 
@@ -13,9 +12,10 @@ import numpy as np
 
 from .. import _core
 from .._lib.border import core_errors
-from .._lib.checks import is_word, user_level
+from .._lib.checks import is_word
 from .._lib.progress import Progress
-from ..errors import ConvergenceError, Interrupted, MbrsWarning
+from .._lib.warning import warn_user
+from ..errors import ConvergenceError, Interrupted
 from ..linear.matrices import MechanicalSystem
 from ..linear.response import ResponseResult
 from ..results import Stats
@@ -335,11 +335,9 @@ def _warn(
 
 def _warn_of_tolerance(asked: dict[str, Any], served: dict[str, Any]) -> None:
     if served.get("rtol") != asked.get("rtol"):
-        warnings.warn(
+        warn_user(
             f"rtol={asked['rtol']:g} was not reached: the equations of a step are solved without a tangent, which allows "
             f"{served['rtol']:g}; .error estimates the error of the motion",
-            MbrsWarning,
-            stacklevel=user_level(),
         )
 
 
@@ -353,11 +351,9 @@ def _warn_of_bending(traj: Trajectory) -> None:
         moved = np.einsum("kim,tm->tki", body.line_shape[:, :3], traj.modal(name))
         part = float(np.linalg.norm(moved, axis=-1).max() / extent) if extent > 0.0 else 0.0
         if part > _BENT:
-            warnings.warn(
+            warn_user(
                 f"{name!r} deflects by {part:.2g} of its length; flexible bodies deform linearly in their frame, which is "
                 "for small deflections: stiffen it, or divide it into several bodies",
-                MbrsWarning,
-                stacklevel=user_level(),
             )
 
 
@@ -435,11 +431,9 @@ def _warn_of_start(m: Model, made: dict[str, Any]) -> None:
     for what, plural, unit in (("position", "positions", ""), ("velocity", "velocities", " per second")):
         size = made[f"{what}_correction"]
         if size > _CHANGED:
-            warnings.warn(
+            warn_user(
                 f"the initial {plural} of {m.name!r} contradict its joints; joint coordinates were changed by up to {size:.3g} "
                 f"radians or characteristic lengths{unit} to agree",
-                MbrsWarning,
-                stacklevel=user_level(),
             )
 
 

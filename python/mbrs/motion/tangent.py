@@ -14,7 +14,8 @@ import numpy as np
 from .. import _core
 from .._lib.border import core_errors
 from .._lib.vetter import Derivative
-from ..errors import KinkWarning, MbrsWarning, ModelError, NotDifferentiableError
+from .._lib.warning import warn_user
+from ..errors import KinkWarning, ModelError, NotDifferentiableError
 from ..model.aerodynamics import STEPPED
 from ..model.directions import Directions, directions
 from ..system.effects import with_rate_laws
@@ -175,12 +176,10 @@ def _apart(times: Sequence[float]) -> list[float]:
 
 def warn_of_growth(growth: float) -> None:
     if growth > _AMPLIFIED:
-        warnings.warn(
+        warn_user(
             f"the motion amplifies relative changes of the parameters {growth:.1e} times: over this time span it is chaotic, or nearly "
             "chaotic. The derivative is exact for these steps and may say nothing about the continuous motion; compare other steps (.error "
             "of mb.gradient does), or end earlier",
-            MbrsWarning,
-            stacklevel=4,
         )
 
 
@@ -212,11 +211,10 @@ def warn_of(kinks: Sequence[Kink]) -> None:
         return
     named = "; ".join(f"{name!r} at t = {t:.6g} s ({what})" for t, name, what in kinks[:3])
     more = f" and {len(kinks) - 3} more" if len(kinks) > 3 else ""
-    warnings.warn(
+    warn_user(
         f"the motion passes {named}{more}: it is not differentiable there; the gradient ignores the kink and is "
         "first-order accurate there. Take smaller steps, or smooth the law (smoothing=, a larger v_ref)",
         KinkWarning,
-        stacklevel=3,
     )
 
 

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import warnings
 from typing import Any
 
 import numpy as np
 
-from ..errors import MbrsWarning
+from .._lib.warning import warn_user
 from ..model.aerodynamics import Aerodynamics
 from ..model.flexible import FlexibleBody
 from ..model.section_loads import interpolated, line_of
@@ -65,12 +64,10 @@ def loaded_modes(modal: Any, along: np.ndarray, force: np.ndarray) -> tuple[np.n
 
 
 def _warn_of_mode(air: Aerodynamics, body: str, step: float, k: int, frequency: float, share: float) -> None:
-    warnings.warn(
+    warn_user(
         f"{air.name!r}: a step of the inflow takes {step:.4g} s, longer than an eighth of the period {1.0 / frequency:.4g} s of mode "
         f"{k + 1} of {body!r} ({frequency:.4g} Hz), which makes {100.0 * share:.0f} % of the blade's deflection under the present load; "
         f'give options={{"steps": ...}} {step * STEPS_A_PERIOD * frequency:.2g} times as many',
-        MbrsWarning,
-        stacklevel=5,
     )
 
 
@@ -78,9 +75,7 @@ def warn_long_turn(air: Aerodynamics, speed: float, step: float) -> None:
     """Warn of a rotor whose largest ``speed``, rad/s, turns it by more than 30 degrees in a step of the inflow, s."""
     turn = speed * step
     if turn > LARGEST_TURN * (1.0 + _ROUNDED):
-        warnings.warn(
+        warn_user(
             f"{air.name!r}: the rotor came to turn by {np.degrees(turn):.4g} degrees in a step of the inflow ({step:.4g} s, chosen for "
             f'its speed at the start); give options={{"steps": ...}} {turn / LARGEST_TURN:.2g} times as many',
-            MbrsWarning,
-            stacklevel=4,
         )

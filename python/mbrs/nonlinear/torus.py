@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Mapping, Sequence
 from math import comb
 from time import perf_counter
@@ -12,7 +11,8 @@ import numpy as np
 
 from .. import _core
 from .._lib import checks
-from ..errors import MbrsWarning, ModelError
+from .._lib.warning import warn_user
+from ..errors import ModelError
 from ..model.laws import Law
 from ..results import Stats
 from . import balance, condensation
@@ -164,11 +164,9 @@ class Torus:
                 "use harmonic_balance at their common divisor with forces in its harmonics"
             )
         if distance[worst] < SLOW and np.abs(k[worst]).sum() <= top:
-            warnings.warn(
+            warn_user(
                 f"the frequencies are almost commensurable: {combination} is only {distance[worst]:.1e} of the "
                 "largest; the motion beats slowly and may need many terms",
-                MbrsWarning,
-                stacklevel=4,
             )
 
     def start(self, x0: Any) -> np.ndarray:

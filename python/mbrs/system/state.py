@@ -8,7 +8,8 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from ..errors import DoubtfulWarning, MbrsWarning, ModelError
+from .._lib.warning import warn_user
+from ..errors import DoubtfulWarning, ModelError
 
 AT_REST = np.zeros(0)
 
@@ -98,13 +99,9 @@ def drawn(model: Any, system: Any, hold: bool = True, without: Sequence[str] = (
     with core_errors():
         made = system.assemble(hold, list(without))
     if made["velocity_correction"] > 1e-9 * max(1.0, float(np.abs(made["rate"]).max(initial=0.0))):
-        import warnings
-
-        warnings.warn(
+        warn_user(
             f"the given velocities of {model.name!r} contradict its joints; they were changed by up to "
             f"{made['velocity_correction']:.3g} m/s to agree",
-            MbrsWarning,
-            stacklevel=4,
         )
     return State(made["q"], made["rate"], "drawn")
 
@@ -134,10 +131,8 @@ def doubts_of(system: Any, without: Sequence[str] = ()) -> tuple[str, ...]:
 
 def warn_of_doubts(model: Any, system: Any, without: Sequence[str] = ()) -> None:
     """Name the loops of a model whose rank the tolerance of the drawing decides."""
-    import warnings
-
     for sentence in doubts_of(system, without):
-        warnings.warn(f"{model.name!r}: {sentence}", DoubtfulWarning, stacklevel=4)
+        warn_user(f"{model.name!r}: {sentence}", DoubtfulWarning)
 
 
 def state_of(model: Any, system: Any, at: StateLike, hold: bool = True, without: Sequence[str] = ()) -> State:
