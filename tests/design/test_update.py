@@ -50,6 +50,17 @@ def test_without_noise_the_truth_comes_back():
     assert [m.value(n) for n in names] == fit.x.tolist()
 
 
+def test_a_model_that_is_its_own_measurement_is_there_already():
+    """Residuals are zero, and known to rounding: so are the parameters, without a warning of NumPy's."""
+    m = sliders()
+    h = measured(m)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", RuntimeWarning)
+        fit = mb.update(m, h, NAMES)
+    assert fit.status == "converged" and fit.x.tolist() == fit.start.tolist()
+    assert np.all(fit.sd < 1e-13 * fit.x) and np.all(fit.sd > 1e-18 * fit.x)
+
+
 def test_covariance_and_noise_are_those_of_the_formula():
     """The model written out by hand, its Jacobian by complex steps, and the normal equations."""
     m = sliders()

@@ -33,12 +33,14 @@ class Block:
     """Residuals model - test of one kind, (n,), their derivatives (n, n_p), and the group of data that each belongs to.
 
     The data of a group have one standard deviation: ``known`` (n,), or nan where it is to be found from the residuals.
+    ``size`` (n,) is how large the datum is of which a residual is the difference: no residual is known better than its rounding.
     """
 
     residual: np.ndarray
     slopes: np.ndarray
     group: np.ndarray
     known: np.ndarray
+    size: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,6 +95,7 @@ class Evidence:
             np.concatenate([by.real, by.imag]),
             np.concatenate([group, group]),
             np.concatenate([known[there]] * 2),
+            np.concatenate([np.abs(measured.value[there])] * 2),
         )
 
     def _modes(self, model: Model, labels: Sequence[str]) -> list[Block]:
@@ -137,7 +140,7 @@ class Evidence:
     def _ratios(self, kind: str, miss: np.ndarray, slopes: np.ndarray) -> Block:
         known = self.noise.get(kind)
         sizes = np.full(len(miss), np.nan) if known is None else _noise(known, miss.shape)
-        return Block(miss, slopes, np.zeros(len(miss), dtype=int), sizes)
+        return Block(miss, slopes, np.zeros(len(miss), dtype=int), sizes, np.ones(len(miss)))
 
     def _shapes(self, measured: np.ndarray, rows: np.ndarray, shape: np.ndarray, slopes: np.ndarray) -> Block:
         """Shapes of length 1, those of the model scaled to fit best: a = y^H t / y^H y for y = rows phi, residual a y - t."""

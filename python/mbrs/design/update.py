@@ -88,7 +88,7 @@ class _Fit:
         for k, b in enumerate(blocks):
             total = np.bincount(b.group)
             spread = np.sqrt(np.bincount(b.group, b.residual**2) / np.maximum(total * share, 1e-300))
-            floor = np.full(len(b.residual), np.finfo(float).tiny) if first is None else _FLOOR * first[k]
+            floor = np.maximum(np.finfo(float).eps * b.size, 0.0 if first is None else _FLOOR * first[k])
             own = np.maximum(spread[b.group], floor)
             out.append(np.where(np.isnan(b.known), np.where(own > 0.0, own, 1.0), b.known))
         return out

@@ -48,11 +48,10 @@ def _computed(axes: Any, result: Any, against: Any) -> None:
     measured = {(f.response, f.reference): line for f, line in zip(result.functions, axes.lines, strict=False)}
     pairs = [(i, j) for i, j in np.ndindex(against.value.shape[:2])]
     same = [(i, j) for i, j in pairs if (against.outputs[i], against.inputs[j]) in measured]
-    for i, j in same or pairs:
+    for n, (i, j) in enumerate(same or pairs):
         line = measured.get((against.outputs[i], against.inputs[j]))
         colour = line.get_color() if line is not None else colours(axes, 1)[0]
-        name = f"{against.outputs[i]} / {against.inputs[j]}, computed" if len(same or pairs) <= _MOST_NAMED else None
-        axes.plot(against.frequency, np.abs(against.value[i, j]), "--", color=colour, label=name)
+        axes.plot(against.frequency, np.abs(against.value[i, j]), "--", color=colour, label=None if n else "computed")
     if not any(f.kind == "frequency response" for f in result.functions):
         axes.set_yscale("log")
         axes.set_xlabel("frequency [Hz]")
