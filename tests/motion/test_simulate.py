@@ -196,6 +196,21 @@ def test_energy_is_kept_where_nothing_dissipates(name):
     assert drift < 1e-6 * size
 
 
+def test_energy_behaves_as_the_array_of_the_total():
+    energy = mb.simulate(pendulum(k=20.0), 0.3).energy
+    total = energy.total
+    pairs = [
+        (energy - energy[0], total - total[0]),
+        (abs(energy) / 2, abs(total) / 2),
+        (3.0 - energy, 3.0 - total),
+        (energy + energy, total + total),
+        (np.sqrt(np.abs(energy)), np.sqrt(np.abs(total))),
+        (np.ptp(energy), np.ptp(total)),
+        (-energy > 1.0, -total > 1.0),
+    ]
+    assert all(np.array_equal(got, wanted) for got, wanted in pairs)
+
+
 def test_power_of_the_elements_is_what_the_motion_loses():
     problem = zoo.bushings()
     traj = mb.simulate(problem.model, np.linspace(0, 1, 2001), rtol=1e-10)

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
+from numpy.lib.mixins import NDArrayOperatorsMixin
 
 from .._lib.text import counted
 from ..results import Result, quantity, result
@@ -16,8 +17,8 @@ if TYPE_CHECKING:
 
 
 @result
-class Energy(Result):
-    """Energies of a motion; behaves as the array of their sum.
+class Energy(NDArrayOperatorsMixin, Result):
+    """Energies of a motion; behaves as the array of their sum: in arithmetic, in NumPy functions, by index.
 
     Attributes
     ----------
@@ -59,6 +60,10 @@ class Energy(Result):
 
     def __array__(self, dtype: Any = None, copy: Any = None) -> np.ndarray:
         return np.asarray(self.total, dtype=dtype)
+
+    def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, **options: Any) -> Any:
+        totals = [x.total if isinstance(x, Energy) else x for x in inputs]
+        return getattr(ufunc, method)(*totals, **options)
 
     def __len__(self) -> int:
         return len(self.total)
