@@ -80,7 +80,8 @@ def modes(
     quadratics; where a bound from all residuals says that digits are lost (very different stiffnesses or masses), singular
     values of a factor of K by Jacobi's method, and residuals in twice the precision. A model hands over the factor of its
     own elements where assembling them has lost digits; geometry then decides which modes are rigid. Conservative gyroscopic
-    systems one Hermitian eigenproblem; all else the balanced state matrix in energy coordinates, which have the scaling of
+    systems one Hermitian eigenproblem; where symmetric damping couples the undamped modes less than they lie apart, corrections of
+    all of them at once; all else the balanced state matrix in energy coordinates, which have the scaling of
     Fan, Lin and Van Dooren built in, with Rayleigh corrections of all roots and Newton corrections of the pairs whose
     backward error exceeds max(dof, 16) eps or whose vectors may be wrong. Cost O(dof^3).
 

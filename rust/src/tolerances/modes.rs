@@ -156,3 +156,9 @@ pub const STILL_RIGID: f64 = 1e-10;
 /// Larger: indefinite entries of rounding stay. Smaller: entries at the limit, those of a spring between two masses, count as rounding.
 /// Pinned by `an_entry_of_rounding_that_no_semidefinite_matrix_has_is_dropped`.
 pub const INDEFINITE: f64 = 1e-12;
+
+/// Length of the first correction of an undamped mode by damping, up to which damping is light: roots are then found by corrections
+/// of all modes at once. Larger: passes are made that do not converge, before the state matrix is solved. Smaller: state matrices
+/// are solved where it takes several times as long. No answer depends on it. Pinned by
+/// `light_damping_takes_no_state_matrix`.
+pub const LIGHT: f64 = 0.5;

@@ -5,10 +5,11 @@ use faer::prelude::*;
 
 use super::RawMode;
 use super::quality::{Correction, Quality, Terms, evaluate};
+use super::simultaneous::{Corrections, Projections};
 use crate::linalg::dense::{C, EPS};
 use crate::linalg::double_double::{Dd, matrix_times};
 use crate::run::Counts;
-use crate::tolerances::modes::{SAME_SHAPE, TWICE};
+use crate::tolerances::modes::{LIGHT, SAME_SHAPE, TWICE};
 
 const STEPS: usize = 2;
 
@@ -21,6 +22,11 @@ pub fn good_enough(n: usize) -> f64 {
 /// wrong although their residuals are small beside the matrices are followed by Newton's method until they stand still.
 pub fn refine(terms: &Terms, modes: &mut [RawMode], quality: &mut [Quality], counts: &mut Counts) {
     let goal = good_enough(terms.m.nrows());
+    for _ in 0..STEPS {
+        if !correct_at_once(terms, modes, quality, counts) {
+            break;
+        }
+    }
     let mut followed = Vec::new();
     for (j, (mode, quality)) in modes.iter_mut().zip(quality.iter_mut()).enumerate() {
         if mode.rigid || mode.known.is_some() {
@@ -53,6 +59,56 @@ pub fn refine(terms: &Terms, modes: &mut [RawMode], quality: &mut [Quality], cou
             quality[j].error = f64::INFINITY;
         }
     }
+}
+
+/// Corrects all modes whose backward errors are too large by all modes, without a factorisation; false where none has become better.
+/// Only complex pairs with equal right and left vectors.
+fn correct_at_once(terms: &Terms, modes: &mut [RawMode], quality: &mut [Quality], counts: &mut Counts) -> bool {
+    let is_pair = |m: &RawMode| m.s.im > 0.0 && m.y.is_none() && m.known.is_none();
+    if !modes.iter().all(is_pair) {
+        return false;
+    }
+    let goal = good_enough(terms.m.nrows());
+    let poor: Vec<usize> =
+        (0..modes.len()).filter(|&j| quality[j].backward > goal && !quality[j].is_doubtful()).collect();
+    if poor.len() < 2 {
+        return false;
+    }
+    counts.add("corrections of modes", poor.len() as u64);
+    let (mut roots, vectors, sizes) = corrected_by_all(terms, modes, quality, &poor);
+    let judged = evaluate(terms, &mut roots, vectors.as_ref(), None, Correction::None);
+    let mut is_better = false;
+    for (c, &j) in poor.iter().enumerate() {
+        if sizes[c] <= LIGHT && judged[c].backward < quality[j].backward {
+            quality[j] = judged[c];
+            set(&mut modes[j], roots[c], vectors.col(c).iter().copied().collect(), None);
+            is_better = true;
+        }
+    }
+    is_better
+}
+
+/// Roots and vectors (columns) of the modes `poor`, corrected once by all modes, and the length of each correction.
+fn corrected_by_all(
+    terms: &Terms,
+    modes: &[RawMode],
+    quality: &[Quality],
+    poor: &[usize],
+) -> (Vec<C>, Mat<C>, Vec<f64>) {
+    let n = terms.m.nrows();
+    let x = Mat::from_fn(n, modes.len(), |i, j| modes[j].x[i]);
+    let residuals: Vec<Vec<C>> = poor.iter().map(|&j| residual(terms, modes[j].s, &modes[j].x)).collect();
+    let r = Mat::from_fn(n, poor.len(), |i, c| residuals[c][i]);
+    let found = Projections { plain: x.transpose() * &r, conjugate: x.adjoint() * &r };
+    let s: Vec<C> = modes.iter().map(|m| m.s).collect();
+    let slope: Vec<C> = quality.iter().map(|q| q.denominator).collect();
+    let step = Corrections::new(&found, &s, &slope, poor);
+    let change = &x * &step.own + x.conjugate() * &step.other;
+    let vectors = Mat::from_fn(n, poor.len(), |i, c| x[(i, poor[c])] + change[(i, c)]);
+    let roots = poor.iter().enumerate().map(|(c, &j)| s[j] - found.plain[(j, c)] / slope[j]).collect();
+    let weight: Vec<f64> = s.iter().map(|s| s.norm()).collect();
+    let sizes = step.sizes(&weight, poor);
+    (roots, vectors, sizes)
 }
 
 const FOLLOWED: usize = 8;

@@ -7,6 +7,7 @@ use faer::prelude::*;
 use faer::{Mat, MatRef, Side};
 
 use super::general::Hat;
+use super::light_damping;
 use super::rigid::no_svd;
 use crate::error::Result;
 use crate::linalg::dense::{C, frobenius, reduced};
@@ -28,8 +29,13 @@ impl Candidate {
     }
 }
 
-/// All roots of the state matrix.
+/// All roots: from the undamped ones where damping is light, else those of the state matrix.
 pub fn candidates(hat: &Hat, factor: &Factor, counts: &mut Counts) -> Result<Vec<Candidate>> {
+    if let Factor::Cholesky { lower } = factor
+        && let Some(found) = light_damping::candidates(hat, lower, counts)?
+    {
+        return Ok(found);
+    }
     counts.add("general eigensolutions", 1);
     let a = state_matrix(hat, factor);
     let roots = eigen::general(&a, hat.has_left)?;
