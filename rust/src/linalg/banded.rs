@@ -63,6 +63,15 @@ impl Lanes {
         }
     }
 
+    /// `self += a b`
+    #[inline(always)]
+    pub fn add_product(&mut self, a: &Lanes, b: &Lanes) {
+        for l in 0..LANES {
+            self.re[l] += a.re[l] * b.re[l] - a.im[l] * b.im[l];
+            self.im[l] += a.re[l] * b.im[l] + a.im[l] * b.re[l];
+        }
+    }
+
     #[inline(always)]
     pub fn times(&self, b: &Lanes) -> Lanes {
         let mut out = Lanes::ZERO;
@@ -187,10 +196,10 @@ impl Band {
     /// damping are those with it.
     pub fn commutator(&self) -> f64 {
         let vector: Vec<Lanes> = (0..self.n).map(|i| Lanes::real((2.399_963 * i as f64).sin() + 1.5)).collect();
-        let mut masses = Factored { n: self.n, half: self.half, z: self.masses(), lu: self.masses() };
-        widest!(|_| factorise(&mut masses.lu, self.n, self.half));
+        let masses = Band { entry: self.entry.iter().map(|[m, ..]| [0.0, 0.0, *m]).collect(), ..self.clone() };
+        let factored = masses.factored(&[0.0; LANES]);
         let after = |first: usize, second: usize| {
-            let x = masses.solve(&self.times(first, &vector)).x;
+            let x = factored.solve(&self.times(first, &vector)).x;
             self.times(second, &x)
         };
         let (one, other) = (after(1, 2), after(2, 1));
@@ -217,11 +226,40 @@ impl Band {
     }
 
     /// Z at these frequencies.
-    pub fn factored(&self, w: &Reals) -> Factored {
-        let mut z = self.each(|e| Lanes::dynamic(e, w));
-        let kept = z.clone();
-        widest!(|_| factorise(&mut z, self.n, self.half));
-        Factored { n: self.n, half: self.half, z: kept, lu: z }
+    pub fn factored(&self, w: &Reals) -> Factored<'_> {
+        self.factored_in(w, Vec::new())
+    }
+
+    /// The same in memory that is at hand.
+    pub fn factored_in(&self, w: &Reals, mut memory: Vec<Lanes>) -> Factored<'_> {
+        memory.resize(self.entry.len(), Lanes::ZERO);
+        widest!(|_| {
+            fill(&self.entry, w, &mut memory);
+            factorise(&mut memory, self.n, self.half);
+        });
+        Factored { band: self, w: *w, lu: memory }
+    }
+
+    /// (i D - 2 w M) X = dZ/dw X, by rows in the order of the band.
+    pub fn slope_times(&self, w: &Reals, x: &[Lanes]) -> Vec<Lanes> {
+        let mut out = vec![Lanes::ZERO; x.len()];
+        widest!(|_| add_slope(self, w, x, &mut out));
+        out
+    }
+
+    /// The matrices with rows and columns exchanged.
+    pub fn transposed(&self) -> Band {
+        let mut entry = vec![[0.0; 3]; self.entry.len()];
+        for i in 0..self.n {
+            for j in i.saturating_sub(self.half)..=(i + self.half).min(self.n - 1) {
+                entry[self.at_place(j, i)] = self.entry[self.at_place(i, j)];
+            }
+        }
+        Band { entry, place: self.place.clone(), ..*self }
+    }
+
+    fn at_place(&self, i: usize, j: usize) -> usize {
+        i * (2 * self.half + 1) + self.half + j - i
     }
 }
 
@@ -274,38 +312,37 @@ fn breadth_first(first: usize, neighbours: &[Vec<usize>], seen: &mut [bool]) -> 
     (found, depth)
 }
 
-/// Z and its factors L (units on its diagonal) and U (inverses on its diagonal), by rows of 2 half + 1.
-pub struct Factored {
-    n: usize,
-    half: usize,
-    z: Vec<Lanes>,
+/// Factors of Z: L (units on its diagonal) and U (inverses on its diagonal), by rows of 2 half + 1.
+pub struct Factored<'a> {
+    band: &'a Band,
+    w: Reals,
     lu: Vec<Lanes>,
 }
 
 /// X of Z X = F, (n, columns) by rows in the order of the band.
 pub struct Solved {
     pub x: Vec<Lanes>,
+    /// sums of the absolute terms of F - Z X
+    pub terms: Vec<Reals>,
     /// what is left of F is no more than rounding, row by row
     pub right: [bool; LANES],
 }
 
-impl Factored {
+impl Factored<'_> {
     pub fn solve(&self, f: &[Lanes]) -> Solved {
-        let columns = f.len() / self.n;
+        let columns = f.len() / self.band.n;
         let mut x = f.to_vec();
-        let mut residual = vec![Lanes::ZERO; f.len()];
-        let mut left = [0.0; LANES];
+        let mut left = Remainder { residual: f.to_vec(), terms: vec![[0.0; LANES]; f.len()], count: [0.0; LANES] };
         self.substitute(&mut x, columns);
         for pass in 0..=CORRECTIONS {
-            left = [0.0; LANES];
-            widest!(|_| remainder(self, columns, f, &x, &mut residual, &mut left));
-            if pass == CORRECTIONS || left.iter().all(|l| *l == 0.0) {
+            widest!(|_| remainder(self, columns, f, &x, &mut left));
+            if pass == CORRECTIONS || left.count.iter().all(|l| *l == 0.0) {
                 break;
             }
-            self.substitute(&mut residual, columns);
-            x.iter_mut().zip(&residual).for_each(|(x, r)| x.add(r));
+            self.substitute(&mut left.residual, columns);
+            x.iter_mut().zip(&left.residual).for_each(|(x, r)| x.add(r));
         }
-        Solved { x, right: left.map(|l| l == 0.0) }
+        Solved { x, terms: left.terms, right: left.count.map(|l| l == 0.0) }
     }
 
     fn substitute(&self, x: &mut [Lanes], columns: usize) {
@@ -314,19 +351,66 @@ impl Factored {
 
     /// Squares of the Frobenius norm of Z.
     pub fn norm_squared(&self) -> Reals {
-        squares(&self.z)
+        let mut out = [0.0; LANES];
+        widest!(|_| {
+            for e in &self.band.entry {
+                add_square(&mut out, &Lanes::dynamic(*e, &self.w));
+            }
+        });
+        out
     }
+
+    /// What `factored_in` was given.
+    pub fn into_memory(self) -> Vec<Lanes> {
+        self.lu
+    }
+}
+
+/// F - Z X.
+struct Remainder {
+    residual: Vec<Lanes>,
+    /// sums of the absolute terms
+    terms: Vec<Reals>,
+    /// entries that exceed rounding of their terms
+    count: Reals,
 }
 
 /// Sums of squares.
 pub fn squares(x: &[Lanes]) -> Reals {
     let mut out = [0.0; LANES];
-    for x in x {
-        for (l, out) in out.iter_mut().enumerate() {
-            *out += x.re[l] * x.re[l] + x.im[l] * x.im[l];
+    x.iter().for_each(|x| add_square(&mut out, x));
+    out
+}
+
+#[inline(always)]
+fn add_square(sum: &mut Reals, x: &Lanes) {
+    for (l, sum) in sum.iter_mut().enumerate() {
+        *sum += x.re[l] * x.re[l] + x.im[l] * x.im[l];
+    }
+}
+
+#[inline(always)]
+fn fill(entry: &[[f64; 3]], w: &Reals, z: &mut [Lanes]) {
+    for (z, e) in z.iter_mut().zip(entry) {
+        *z = Lanes::dynamic(*e, w);
+    }
+}
+
+#[inline(always)]
+fn add_slope(band: &Band, w: &Reals, x: &[Lanes], out: &mut [Lanes]) {
+    let (n, half, columns) = (band.n, band.half, x.len() / band.n);
+    for (i, out) in out.chunks_exact_mut(columns).enumerate() {
+        for j in i.saturating_sub(half)..=(i + half).min(n - 1) {
+            let [m, d, _] = band.entry[band.at_place(i, j)];
+            if m == 0.0 && d == 0.0 {
+                continue;
+            }
+            let slope = Lanes { re: w.map(|w| -2.0 * w * m), im: [d; LANES] };
+            for (out, x) in out.iter_mut().zip(&x[j * columns..]) {
+                out.add_product(&slope, x);
+            }
         }
     }
-    out
 }
 
 /// L and U in place of Z, see `Factored`.
@@ -351,8 +435,8 @@ fn factorise(lu: &mut [Lanes], n: usize, half: usize) {
 }
 
 #[inline(always)]
-fn substitute(own: &Factored, columns: usize, x: &mut [Lanes]) {
-    let (n, half) = (own.n, own.half);
+fn substitute(own: &Factored<'_>, columns: usize, x: &mut [Lanes]) {
+    let (n, half) = (own.band.n, own.band.half);
     let width = 2 * half + 1;
     for i in 0..n {
         let row = &own.lu[i * width..(i + 1) * width];
@@ -379,20 +463,20 @@ fn substitute(own: &Factored, columns: usize, x: &mut [Lanes]) {
     }
 }
 
-/// `residual` = F - Z X; counts in `left` where an entry exceeds rounding of the terms that it is the sum of.
+/// F - Z X and where an entry exceeds rounding of the terms that it is the sum of.
 #[inline(always)]
-fn remainder(own: &Factored, columns: usize, f: &[Lanes], x: &[Lanes], residual: &mut [Lanes], left: &mut Reals) {
-    let (n, half) = (own.n, own.half);
-    let width = 2 * half + 1;
+fn remainder(own: &Factored<'_>, columns: usize, f: &[Lanes], x: &[Lanes], left: &mut Remainder) {
+    let (n, half) = (own.band.n, own.band.half);
+    left.count = [0.0; LANES];
     for i in 0..n {
-        let row = &own.z[i * width..(i + 1) * width];
         let (from, to) = (i.saturating_sub(half), (i + half).min(n - 1));
+        let entries = &own.band.entry[own.band.at_place(i, from)..];
         for c in 0..columns {
             let mut sum = f[i * columns + c];
             let mut terms = sum.size();
-            for j in from..=to {
-                let (z, x) = (&row[half + j - i], &x[j * columns + c]);
-                sum.subtract(z, x);
+            for (e, x) in entries.iter().zip(x[from * columns + c..=to * columns + c].iter().step_by(columns)) {
+                let z = Lanes::dynamic(*e, &own.w);
+                sum.subtract(&z, x);
                 let (z, x) = (z.size(), x.size());
                 for l in 0..LANES {
                     terms[l] += z[l] * x[l];
@@ -401,9 +485,10 @@ fn remainder(own: &Factored, columns: usize, f: &[Lanes], x: &[Lanes], residual:
             let size = sum.size();
             for l in 0..LANES {
                 // NaN is left, too
-                left[l] += if size[l] <= BACKWARD * terms[l] + f64::MIN_POSITIVE { 0.0 } else { 1.0 };
+                left.count[l] += if size[l] <= BACKWARD * terms[l] + f64::MIN_POSITIVE { 0.0 } else { 1.0 };
             }
-            residual[i * columns + c] = sum;
+            left.residual[i * columns + c] = sum;
+            left.terms[i * columns + c] = terms;
         }
     }
 }
@@ -508,9 +593,9 @@ mod tests {
         let band = Band::new(1, &[(0, 0, [0.0, 0.0, 1.0])], 1).unwrap();
         let own = band.factored(&[0.0; LANES]);
         let counted = |off: f64| {
-            let (mut residual, mut left) = ([Lanes::ZERO], [0.0; LANES]);
-            remainder(&own, 1, &[Lanes::real(1.0)], &[Lanes::real(1.0 + off)], &mut residual, &mut left);
-            left[0] > 0.0
+            let mut left = Remainder { residual: vec![Lanes::ZERO], terms: vec![[0.0; LANES]], count: [0.0; LANES] };
+            remainder(&own, 1, &[Lanes::real(1.0)], &[Lanes::real(1.0 + off)], &mut left);
+            left.count[0] > 0.0
         };
         assert!(!counted(0.0) && !counted(f64::EPSILON) && !counted(1.5e-15));
         assert!(counted(3e-15) && counted(1e-13));
