@@ -240,13 +240,6 @@ impl Band {
         Factored { band: self, w: *w, lu: memory }
     }
 
-    /// (i D - 2 w M) X = dZ/dw X, by rows in the order of the band.
-    pub fn slope_times(&self, w: &Reals, x: &[Lanes]) -> Vec<Lanes> {
-        let mut out = vec![Lanes::ZERO; x.len()];
-        widest!(|_| add_slope(self, w, x, &mut out));
-        out
-    }
-
     /// The matrices with rows and columns exchanged.
     pub fn transposed(&self) -> Band {
         let mut entry = vec![[0.0; 3]; self.entry.len()];
@@ -322,8 +315,6 @@ pub struct Factored<'a> {
 /// X of Z X = F, (n, columns) by rows in the order of the band.
 pub struct Solved {
     pub x: Vec<Lanes>,
-    /// sums of the absolute terms of F - Z X
-    pub terms: Vec<Reals>,
     /// what is left of F is no more than rounding, row by row
     pub right: [bool; LANES],
 }
@@ -332,7 +323,7 @@ impl Factored<'_> {
     pub fn solve(&self, f: &[Lanes]) -> Solved {
         let columns = f.len() / self.band.n;
         let mut x = f.to_vec();
-        let mut left = Remainder { residual: f.to_vec(), terms: vec![[0.0; LANES]; f.len()], count: [0.0; LANES] };
+        let mut left = Remainder { residual: f.to_vec(), count: [0.0; LANES] };
         self.substitute(&mut x, columns);
         for pass in 0..=CORRECTIONS {
             widest!(|_| remainder(self, columns, f, &x, &mut left));
@@ -342,7 +333,23 @@ impl Factored<'_> {
             self.substitute(&mut left.residual, columns);
             x.iter_mut().zip(&left.residual).for_each(|(x, r)| x.add(r));
         }
-        Solved { x, terms: left.terms, right: left.count.map(|l| l == 0.0) }
+        Solved { x, right: left.count.map(|l| l == 0.0) }
+    }
+
+    /// One solution X = Z^-1 F, not corrected, and with the rows of Y beside it Y^T Z' X, where Z' = i D - 2 w M is the slope of Z, and
+    /// |Y|^T |L| |U| |X|: what rounding of Y^T F and of Y^T Z X is in proportion to (N. J. Higham, Accuracy and Stability of Numerical
+    /// Algorithms, 2nd ed., SIAM 2002, theorem 9.4). Without Y it is X; a row of Y may be longer than `rows`.
+    pub fn weighed(&self, f: Vec<Lanes>, y: Option<&[Lanes]>, rows: usize) -> Weighed {
+        let columns = f.len() / self.band.n;
+        let zero = (Lanes::ZERO, [0.0; LANES]);
+        let mut out = Weighed { sums: vec![zero; rows * columns], x: f };
+        let mut sizes = vec![[0.0; LANES]; out.x.len()];
+        widest!(|_| {
+            substitute(self, columns, &mut out.x);
+            absolute(self, columns, &out.x, &mut sizes);
+            weigh(self, y.unwrap_or(&out.x), (rows, columns), &out.x, &sizes, &mut out.sums);
+        });
+        out
     }
 
     fn substitute(&self, x: &mut [Lanes], columns: usize) {
@@ -366,11 +373,15 @@ impl Factored<'_> {
     }
 }
 
+/// A solution by rows, and (rows, columns) sums over it with what rounding of the same sums over F is in proportion to.
+pub struct Weighed {
+    pub x: Vec<Lanes>,
+    pub sums: Vec<(Lanes, Reals)>,
+}
+
 /// F - Z X.
 struct Remainder {
     residual: Vec<Lanes>,
-    /// sums of the absolute terms
-    terms: Vec<Reals>,
     /// entries that exceed rounding of their terms
     count: Reals,
 }
@@ -393,23 +404,6 @@ fn add_square(sum: &mut Reals, x: &Lanes) {
 fn fill(entry: &[[f64; 3]], w: &Reals, z: &mut [Lanes]) {
     for (z, e) in z.iter_mut().zip(entry) {
         *z = Lanes::dynamic(*e, w);
-    }
-}
-
-#[inline(always)]
-fn add_slope(band: &Band, w: &Reals, x: &[Lanes], out: &mut [Lanes]) {
-    let (n, half, columns) = (band.n, band.half, x.len() / band.n);
-    for (i, out) in out.chunks_exact_mut(columns).enumerate() {
-        for j in i.saturating_sub(half)..=(i + half).min(n - 1) {
-            let [m, d, _] = band.entry[band.at_place(i, j)];
-            if m == 0.0 && d == 0.0 {
-                continue;
-            }
-            let slope = Lanes { re: w.map(|w| -2.0 * w * m), im: [d; LANES] };
-            for (out, x) in out.iter_mut().zip(&x[j * columns..]) {
-                out.add_product(&slope, x);
-            }
-        }
     }
 }
 
@@ -463,6 +457,81 @@ fn substitute(own: &Factored<'_>, columns: usize, x: &mut [Lanes]) {
     }
 }
 
+/// |U| |X|
+#[inline(always)]
+fn absolute(own: &Factored<'_>, columns: usize, x: &[Lanes], sizes: &mut [Reals]) {
+    let (n, half) = (own.band.n, own.band.half);
+    for i in 0..n {
+        let row = &own.lu[own.band.at_place(i, i)..][..=half.min(n - 1 - i)];
+        for c in 0..columns {
+            let mut column = x[i * columns + c..].iter().step_by(columns);
+            let mut sum = column.next().map_or([0.0; LANES], Lanes::size);
+            let inverse = row[0].size();
+            (0..LANES).for_each(|l| sum[l] /= inverse[l]);
+            for (u, x) in row[1..].iter().zip(column) {
+                add_sizes(&mut sum, &u.size(), &x.size());
+            }
+            sizes[i * columns + c] = sum;
+        }
+    }
+}
+
+#[inline(always)]
+fn add_sizes(sum: &mut Reals, a: &Reals, b: &Reals) {
+    for l in 0..LANES {
+        sum[l] += a[l] * b[l];
+    }
+}
+
+/// Adds Y^T Z' X and |Y|^T |L| times the sizes.
+#[inline(always)]
+fn weigh(
+    own: &Factored<'_>,
+    y: &[Lanes],
+    (rows, columns): (usize, usize),
+    x: &[Lanes],
+    sizes: &[Reals],
+    sums: &mut [(Lanes, Reals)],
+) {
+    let (n, half) = (own.band.n, own.band.half);
+    let long = y.len() / n;
+    for i in 0..n {
+        let (from, to) = (i.saturating_sub(half), (i + half).min(n - 1));
+        let at = own.band.at_place(i, from);
+        let (entries, lower) = (&own.band.entry[at..][..=to - from], &own.lu[at..][..i - from]);
+        for c in 0..columns {
+            let moved = slope_times(entries, &own.w, x[from * columns + c..].iter().step_by(columns));
+            let mut size = sizes[i * columns + c];
+            for (l, s) in lower.iter().zip(sizes[from * columns + c..].iter().step_by(columns)) {
+                add_sizes(&mut size, &l.size(), s);
+            }
+            for (row, y) in y[i * long..][..rows].iter().enumerate() {
+                let (sum, rounding) = &mut sums[row * columns + c];
+                sum.add_product(y, &moved);
+                add_sizes(rounding, &y.size(), &size);
+            }
+        }
+    }
+}
+
+/// A row of Z' X = i D X - 2 w M X.
+#[inline(always)]
+fn slope_times<'a>(entries: &[[f64; 3]], w: &Reals, x: impl Iterator<Item = &'a Lanes>) -> Lanes {
+    let (mut masses, mut damping) = (Lanes::ZERO, Lanes::ZERO);
+    for ([m, d, _], x) in entries.iter().zip(x) {
+        damping.add_scaled(*d, x);
+        if *m != 0.0 {
+            masses.add_scaled(*m, x);
+        }
+    }
+    let mut out = Lanes::ZERO;
+    for (l, w) in w.iter().enumerate() {
+        out.re[l] = -2.0 * w * masses.re[l] - damping.im[l];
+        out.im[l] = damping.re[l] - 2.0 * w * masses.im[l];
+    }
+    out
+}
+
 /// F - Z X and where an entry exceeds rounding of the terms that it is the sum of.
 #[inline(always)]
 fn remainder(own: &Factored<'_>, columns: usize, f: &[Lanes], x: &[Lanes], left: &mut Remainder) {
@@ -488,7 +557,6 @@ fn remainder(own: &Factored<'_>, columns: usize, f: &[Lanes], x: &[Lanes], left:
                 left.count[l] += if size[l] <= BACKWARD * terms[l] + f64::MIN_POSITIVE { 0.0 } else { 1.0 };
             }
             left.residual[i * columns + c] = sum;
-            left.terms[i * columns + c] = terms;
         }
     }
 }
@@ -593,7 +661,7 @@ mod tests {
         let band = Band::new(1, &[(0, 0, [0.0, 0.0, 1.0])], 1).unwrap();
         let own = band.factored(&[0.0; LANES]);
         let counted = |off: f64| {
-            let mut left = Remainder { residual: vec![Lanes::ZERO], terms: vec![[0.0; LANES]], count: [0.0; LANES] };
+            let mut left = Remainder { residual: vec![Lanes::ZERO], count: [0.0; LANES] };
             remainder(&own, 1, &[Lanes::real(1.0)], &[Lanes::real(1.0 + off)], &mut left);
             left.count[0] > 0.0
         };

@@ -354,9 +354,9 @@ pub fn natural_sizes(w: f64, block: &Block) -> Vec<f64> {
     (0..n * n).map(|at| root[at / n] * root[at % n]).collect()
 }
 
-/// Whether rounding is not felt in any entry; nan is felt.
+/// Whether rounding is not felt in any entry; what is not finite is felt.
 pub fn is_settled(growth: &[f64], scale: &[f64]) -> bool {
-    growth.iter().zip(scale).all(|(growth, scale)| f64::EPSILON * growth <= FELT * scale)
+    growth.iter().zip(scale).all(|(growth, scale)| growth.is_finite() && f64::EPSILON * growth <= FELT * scale)
 }
 
 fn finite(block: &Block, w: f64) -> Result<()> {

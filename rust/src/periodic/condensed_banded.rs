@@ -3,8 +3,7 @@
 //! Every solution is checked row by row by its residual; terms whose entries rounding is felt in are left to `condensed`.
 use super::condensed::{Entry, Split, is_settled, natural_sizes};
 use super::linear::Block;
-use crate::linalg::banded::{Band, LANES, Lanes, Reals, Solved};
-use crate::linalg::widest::widest;
+use crate::linalg::banded::{Band, LANES, Lanes, Reals, Weighed};
 use num_complex::Complex64 as c64;
 
 /// A term and its circular frequency.
@@ -14,6 +13,8 @@ pub struct Banded {
     right: Band,
     /// of matrices that are not symmetric the transposed ones
     left: Option<Band>,
+    /// per term the forces on local coordinates, by their places
+    loads: Vec<Vec<(usize, c64)>>,
     memory: Vec<Lanes>,
 }
 
@@ -32,11 +33,16 @@ impl Banded {
         let entries: Vec<_> = split.ll.iter().map(|e| (e.row, e.column, e.parts())).collect();
         let right = Band::new(split.local.len(), &entries, most)?;
         let left = (!split.symmetric).then(|| right.transposed());
-        Some(Banded { right, left, memory: Vec::new() })
+        let loads = split.forces.iter().map(|force| match force {
+            Some(f) => loads(split, &right, f),
+            None => Vec::new(),
+        });
+        Some(Banded { loads: loads.collect(), right, left, memory: Vec::new() })
     }
 
     pub fn copied(&self) -> Banded {
-        Banded { right: self.right.clone(), left: self.left.clone(), memory: Vec::new() }
+        let (right, left, loads) = (self.right.clone(), self.left.clone(), self.loads.clone());
+        Banded { right, left, loads, memory: Vec::new() }
     }
 
     pub fn half_bandwidth(&self) -> usize {
@@ -52,51 +58,43 @@ impl Banded {
     /// Fills the blocks of up to `LANES` terms; those come back that rounding is felt in.
     pub fn condense(&mut self, split: &Split, tasks: &[Task], blocks: &mut [Block]) -> Vec<Task> {
         let w: Reals = std::array::from_fn(|l| tasks[l.min(tasks.len() - 1)].1);
-        let loads = self.loads(split, tasks);
-        let columns = split.retained.len() + usize::from(loads.is_some());
-        let mut f =
-            sides(split.local.len(), columns, split.lr.iter().map(|e| (self.right.place()[e.row], e.column, e)), &w);
-        for (place, load) in loads.iter().flatten() {
-            f[(place + 1) * columns - 1] = *load;
+        let loads: Vec<&[(usize, c64)]> =
+            tasks.iter().map(|(term, _)| self.loads.get(*term).map_or(&[][..], Vec::as_slice)).collect();
+        let columns = split.retained.len() + usize::from(loads.iter().any(|load| !load.is_empty()));
+        let entries = split.lr.iter().map(|e| (self.right.place()[e.row], e.column, e));
+        let mut f = sides(split.local.len(), columns, entries, &w);
+        for (l, load) in loads.iter().enumerate() {
+            for (place, force) in *load {
+                let own = &mut f[(place + 1) * columns - 1];
+                (own.re[l], own.im[l]) = (force.re, force.im);
+            }
         }
-        let right = solve(&self.right, &w, &f, &mut self.memory);
         let left = self.left.as_ref().map(|band| {
             let entries = split.rl.iter().map(|e| (band.place()[e.column], e.row, e));
-            solve(band, &w, &sides(split.local.len(), split.retained.len(), entries, &w), &mut self.memory)
+            band.factored(&w).solve(&sides(split.local.len(), split.retained.len(), entries, &w))
         });
-        let sums = self.sums(split, &w, columns, &right, left.as_ref().unwrap_or(&right));
-        let good = |l: usize| right.right[l] && left.as_ref().is_none_or(|left| left.right[l]);
+        let factored = self.right.factored_in(&w, std::mem::take(&mut self.memory));
+        let right = factored.weighed(f, left.as_ref().map(|left| left.x.as_slice()), split.retained.len());
+        self.memory = factored.into_memory();
+        let sums = self.sums(split, &w, &right, left.as_ref().map_or(&right.x, |left| &left.x));
+        let good = |l: usize| left.as_ref().is_none_or(|left| left.right[l]);
         let each = tasks.iter().enumerate();
         each.filter(|(l, (term, w))| !(good(*l) && sums.fill(split, *l, (*term, *w), &mut blocks[*term])))
             .map(|(_, task)| *task)
             .collect()
     }
 
-    /// Forces on local coordinates by their places, where there are any.
-    fn loads(&self, split: &Split, tasks: &[Task]) -> Option<Vec<(usize, Lanes)>> {
-        let forces: Vec<Option<&Vec<c64>>> =
-            tasks.iter().map(|(term, _)| split.forces.get(*term).and_then(Option::as_ref)).collect();
-        let mut found = Vec::new();
-        for (old, place) in split.local.iter().zip(self.right.place()) {
-            let mut load = Lanes::ZERO;
-            for (l, force) in forces.iter().enumerate() {
-                let f = force.map_or(c64::new(0.0, 0.0), |f| f[*old]);
-                (load.re[l], load.im[l]) = (f.re, f.im);
-            }
-            if load != Lanes::ZERO {
-                found.push((*place, load));
-            }
-        }
-        (!found.is_empty()).then_some(found)
-    }
-
-    fn sums(&self, split: &Split, w: &Reals, columns: usize, right: &Solved, left: &Solved) -> Sums {
-        let mut pushed = self.right.slope_times(w, &right.x);
+    fn sums(&self, split: &Split, w: &Reals, right: &Weighed, left: &[Lanes]) -> Sums {
+        let n_l = split.local.len();
+        let (rows, columns, long) = (split.retained.len(), right.x.len() / n_l, left.len() / n_l);
+        let (slope, growth) = right.sums.iter().copied().unzip();
+        let mut sums = Sums { rows, columns, s: vec![Lanes::ZERO; rows * columns], slope, growth };
         for e in &split.lr {
-            pushed[self.right.place()[e.row] * columns + e.column].add(&e.slope_in_lanes(w));
+            let from = self.right.place()[e.row] * long;
+            for (i, l) in left[from..from + rows].iter().enumerate() {
+                sums.slope[i * columns + e.column].add_product(l, &e.slope_in_lanes(w));
+            }
         }
-        let mut sums = Sums::new(split.retained.len(), columns);
-        widest!(|_| sums.add_local(&pushed, &right.terms, &left.x));
         for e in &split.rl {
             let from = self.right.place()[e.column] * columns;
             sums.add_row(e, w, right.x[from..from + columns].iter().enumerate());
@@ -106,6 +104,12 @@ impl Banded {
         }
         sums
     }
+}
+
+/// A force on local coordinates by their places.
+fn loads(split: &Split, band: &Band, force: &[c64]) -> Vec<(usize, c64)> {
+    let each = split.local.iter().zip(band.place()).map(|(old, place)| (*place, force[*old]));
+    each.filter(|(_, f)| *f != c64::new(0.0, 0.0)).collect()
 }
 
 impl Entry {
@@ -132,38 +136,7 @@ fn sides<'a>(
     f
 }
 
-fn solve(band: &Band, w: &Reals, f: &[Lanes], memory: &mut Vec<Lanes>) -> Solved {
-    let factored = band.factored_in(w, std::mem::take(memory));
-    let solved = factored.solve(f);
-    *memory = factored.into_memory();
-    solved
-}
-
 impl Sums {
-    fn new(rows: usize, columns: usize) -> Sums {
-        let count = rows * columns;
-        let zero = vec![Lanes::ZERO; count];
-        Sums { rows, columns, s: zero.clone(), slope: zero, growth: vec![[0.0; LANES]; count] }
-    }
-
-    /// L^T Z' [R, v] and |L|^T |terms|; L has a column for each row of the sums, and may have that of the forces.
-    #[inline(always)]
-    fn add_local(&mut self, pushed: &[Lanes], terms: &[Reals], left: &[Lanes]) {
-        let n = pushed.len() / self.columns;
-        let wide = left.len() / n.max(1);
-        for place in 0..n {
-            let own = place * self.columns..(place + 1) * self.columns;
-            for (i, l) in left[place * wide..place * wide + self.rows].iter().enumerate() {
-                let size = l.size();
-                for (j, (p, t)) in pushed[own.clone()].iter().zip(&terms[own.clone()]).enumerate() {
-                    let at = i * self.columns + j;
-                    self.slope[at].add_product(l, p);
-                    (0..LANES).for_each(|k| self.growth[at][k] += size[k] * t[k]);
-                }
-            }
-        }
-    }
-
     /// An entry of the rows of the retained coordinates times what stands in each column.
     fn add_row<'a>(&mut self, e: &Entry, w: &Reals, columns: impl Iterator<Item = (usize, &'a Lanes)>) {
         let (z, slope) = (Lanes::dynamic(e.parts(), w), e.slope_in_lanes(w));
@@ -201,7 +174,7 @@ mod tests {
     use std::sync::Arc;
 
     use faer::Mat;
-    use faer::prelude::*;
+    use faer::prelude::Solve;
 
     use super::*;
     use crate::periodic::condensed::Condensed;
