@@ -227,17 +227,14 @@ impl Band {
 
     /// Z at these frequencies.
     pub fn factored(&self, w: &Reals) -> Factored<'_> {
-        self.factored_in(w, Vec::new())
+        self.factored_in(w, Memory::default())
     }
 
     /// The same in memory that is at hand.
-    pub fn factored_in(&self, w: &Reals, mut memory: Vec<Lanes>) -> Factored<'_> {
-        memory.resize(self.entry.len(), Lanes::ZERO);
-        widest!(|_| {
-            fill(&self.entry, w, &mut memory);
-            factorise(&mut memory, self.n, self.half);
-        });
-        Factored { band: self, w: *w, lu: memory }
+    pub fn factored_in(&self, w: &Reals, mut memory: Memory) -> Factored<'_> {
+        memory.lu.resize(self.entry.len(), Lanes::ZERO);
+        widest!(|_| factorise(self, w, &mut memory.lu));
+        Factored { band: self, w: *w, lu: memory.lu, sizes: memory.sizes }
     }
 
     /// The matrices with rows and columns exchanged.
@@ -310,6 +307,14 @@ pub struct Factored<'a> {
     band: &'a Band,
     w: Reals,
     lu: Vec<Lanes>,
+    sizes: Vec<Reals>,
+}
+
+/// What a factorisation needs, to be used again.
+#[derive(Default)]
+pub struct Memory {
+    lu: Vec<Lanes>,
+    sizes: Vec<Reals>,
 }
 
 /// X of Z X = F, (n, columns) by rows in the order of the band.
@@ -336,20 +341,21 @@ impl Factored<'_> {
         Solved { x, right: left.count.map(|l| l == 0.0) }
     }
 
-    /// One solution X = Z^-1 F, not corrected, and with the rows of Y beside it Y^T Z' X, where Z' = i D - 2 w M is the slope of Z, and
-    /// |Y|^T |L| |U| |X|: what rounding of Y^T F and of Y^T Z X is in proportion to (N. J. Higham, Accuracy and Stability of Numerical
+    /// X = Z^-1 F in the place of F, not corrected, and with the rows of Y beside it Y^T Z' X, where Z' = i D - 2 w M is the slope of Z,
+    /// and |Y|^T |L| |U| |X|: what rounding of Y^T F and of Y^T Z X is in proportion to (N. J. Higham, Accuracy and Stability of Numerical
     /// Algorithms, 2nd ed., SIAM 2002, theorem 9.4). Without Y it is X; a row of Y may be longer than `rows`.
-    pub fn weighed(&self, f: Vec<Lanes>, y: Option<&[Lanes]>, rows: usize) -> Weighed {
-        let columns = f.len() / self.band.n;
-        let zero = (Lanes::ZERO, [0.0; LANES]);
-        let mut out = Weighed { sums: vec![zero; rows * columns], x: f };
-        let mut sizes = vec![[0.0; LANES]; out.x.len()];
+    pub fn weighed(&mut self, x: &mut [Lanes], y: Option<&[Lanes]>, rows: usize) -> Vec<(Lanes, Reals)> {
+        let columns = x.len() / self.band.n;
+        let mut sums = vec![(Lanes::ZERO, [0.0; LANES]); rows * columns];
+        let mut sizes = std::mem::take(&mut self.sizes);
+        sizes.resize(x.len(), [0.0; LANES]);
+        self.substitute(x, columns);
         widest!(|_| {
-            substitute(self, columns, &mut out.x);
-            absolute(self, columns, &out.x, &mut sizes);
-            weigh(self, y.unwrap_or(&out.x), (rows, columns), &out.x, &sizes, &mut out.sums);
+            absolute(self, columns, x, &mut sizes);
+            weigh(self, y.unwrap_or(x), (rows, columns), x, &sizes, &mut sums);
         });
-        out
+        self.sizes = sizes;
+        sums
     }
 
     fn substitute(&self, x: &mut [Lanes], columns: usize) {
@@ -368,15 +374,9 @@ impl Factored<'_> {
     }
 
     /// What `factored_in` was given.
-    pub fn into_memory(self) -> Vec<Lanes> {
-        self.lu
+    pub fn into_memory(self) -> Memory {
+        Memory { lu: self.lu, sizes: self.sizes }
     }
-}
-
-/// A solution by rows, and (rows, columns) sums over it with what rounding of the same sums over F is in proportion to.
-pub struct Weighed {
-    pub x: Vec<Lanes>,
-    pub sums: Vec<(Lanes, Reals)>,
 }
 
 /// F - Z X.
@@ -407,11 +407,15 @@ fn fill(entry: &[[f64; 3]], w: &Reals, z: &mut [Lanes]) {
     }
 }
 
-/// L and U in place of Z, see `Factored`.
+/// L and U, see `Factored`; a row of Z is computed when it is first needed.
 #[inline(always)]
-fn factorise(lu: &mut [Lanes], n: usize, half: usize) {
+fn factorise(band: &Band, w: &Reals, lu: &mut [Lanes]) {
+    let (n, half) = (band.n, band.half);
     let width = 2 * half + 1;
+    fill(&band.entry[..half * width], w, &mut lu[..half * width]);
     for k in 0..n {
+        let new = ((k + half) * width).min(lu.len())..((k + half + 1) * width).min(lu.len());
+        fill(&band.entry[new.clone()], w, &mut lu[new]);
         let (done, below) = lu.split_at_mut((k + 1) * width);
         let row = &mut done[k * width..];
         row[half] = row[half].inverse();

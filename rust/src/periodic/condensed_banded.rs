@@ -3,7 +3,7 @@
 //! Every solution is checked row by row by its residual; terms whose entries rounding is felt in are left to `condensed`.
 use super::condensed::{Entry, Split, is_settled, natural_sizes};
 use super::linear::Block;
-use crate::linalg::banded::{Band, LANES, Lanes, Reals, Weighed};
+use crate::linalg::banded::{Band, LANES, Lanes, Memory, Reals};
 use num_complex::Complex64 as c64;
 
 /// A term and its circular frequency.
@@ -15,7 +15,8 @@ pub struct Banded {
     left: Option<Band>,
     /// per term the forces on local coordinates, by their places
     loads: Vec<Vec<(usize, c64)>>,
-    memory: Vec<Lanes>,
+    memory: Memory,
+    x: Vec<Lanes>,
 }
 
 /// Entries of S, of its slope and of what rounding is in proportion to; the last column, if there is one, belongs to forces.
@@ -37,12 +38,12 @@ impl Banded {
             Some(f) => loads(split, &right, f),
             None => Vec::new(),
         });
-        Some(Banded { loads: loads.collect(), right, left, memory: Vec::new() })
+        Some(Banded { loads: loads.collect(), right, left, memory: Memory::default(), x: Vec::new() })
     }
 
     pub fn copied(&self) -> Banded {
         let (right, left, loads) = (self.right.clone(), self.left.clone(), self.loads.clone());
-        Banded { right, left, loads, memory: Vec::new() }
+        Banded { right, left, loads, memory: Memory::default(), x: Vec::new() }
     }
 
     pub fn half_bandwidth(&self) -> usize {
@@ -62,21 +63,25 @@ impl Banded {
             tasks.iter().map(|(term, _)| self.loads.get(*term).map_or(&[][..], Vec::as_slice)).collect();
         let columns = split.retained.len() + usize::from(loads.iter().any(|load| !load.is_empty()));
         let entries = split.lr.iter().map(|e| (self.right.place()[e.row], e.column, e));
-        let mut f = sides(split.local.len(), columns, entries, &w);
+        let mut x = std::mem::take(&mut self.x);
+        set_sides(&mut x, split.local.len(), columns, entries, &w);
         for (l, load) in loads.iter().enumerate() {
             for (place, force) in *load {
-                let own = &mut f[(place + 1) * columns - 1];
+                let own = &mut x[(place + 1) * columns - 1];
                 (own.re[l], own.im[l]) = (force.re, force.im);
             }
         }
         let left = self.left.as_ref().map(|band| {
             let entries = split.rl.iter().map(|e| (band.place()[e.column], e.row, e));
-            band.factored(&w).solve(&sides(split.local.len(), split.retained.len(), entries, &w))
+            let mut f = Vec::new();
+            set_sides(&mut f, split.local.len(), split.retained.len(), entries, &w);
+            band.factored(&w).solve(&f)
         });
-        let factored = self.right.factored_in(&w, std::mem::take(&mut self.memory));
-        let right = factored.weighed(f, left.as_ref().map(|left| left.x.as_slice()), split.retained.len());
+        let mut factored = self.right.factored_in(&w, std::mem::take(&mut self.memory));
+        let weighed = factored.weighed(&mut x, left.as_ref().map(|left| left.x.as_slice()), split.retained.len());
         self.memory = factored.into_memory();
-        let sums = self.sums(split, &w, &right, left.as_ref().map_or(&right.x, |left| &left.x));
+        let sums = self.sums(split, &w, weighed, &x, left.as_ref().map_or(&x, |left| &left.x));
+        self.x = x;
         let good = |l: usize| left.as_ref().is_none_or(|left| left.right[l]);
         let each = tasks.iter().enumerate();
         each.filter(|(l, (term, w))| !(good(*l) && sums.fill(split, *l, (*term, *w), &mut blocks[*term])))
@@ -84,10 +89,10 @@ impl Banded {
             .collect()
     }
 
-    fn sums(&self, split: &Split, w: &Reals, right: &Weighed, left: &[Lanes]) -> Sums {
+    fn sums(&self, split: &Split, w: &Reals, weighed: Vec<(Lanes, Reals)>, right: &[Lanes], left: &[Lanes]) -> Sums {
         let n_l = split.local.len();
-        let (rows, columns, long) = (split.retained.len(), right.x.len() / n_l, left.len() / n_l);
-        let (slope, growth) = right.sums.iter().copied().unzip();
+        let (rows, columns, long) = (split.retained.len(), right.len() / n_l, left.len() / n_l);
+        let (slope, growth) = weighed.into_iter().unzip();
         let mut sums = Sums { rows, columns, s: vec![Lanes::ZERO; rows * columns], slope, growth };
         for e in &split.lr {
             let from = self.right.place()[e.row] * long;
@@ -97,7 +102,7 @@ impl Banded {
         }
         for e in &split.rl {
             let from = self.right.place()[e.column] * columns;
-            sums.add_row(e, w, right.x[from..from + columns].iter().enumerate());
+            sums.add_row(e, w, right[from..from + columns].iter().enumerate());
         }
         for e in &split.rr {
             sums.add_row(e, w, std::iter::once((e.column, &Lanes::real(1.0))));
@@ -123,17 +128,18 @@ impl Entry {
 }
 
 /// -Z of a border by (place, column, entry), in so many columns.
-fn sides<'a>(
+fn set_sides<'a>(
+    f: &mut Vec<Lanes>,
     n: usize,
     columns: usize,
     entries: impl Iterator<Item = (usize, usize, &'a Entry)>,
     w: &Reals,
-) -> Vec<Lanes> {
-    let mut f = vec![Lanes::ZERO; n * columns];
+) {
+    f.clear();
+    f.resize(n * columns, Lanes::ZERO);
     for (place, column, e) in entries {
         f[place * columns + column].add_scaled(-1.0, &Lanes::dynamic(e.parts(), w));
     }
-    f
 }
 
 impl Sums {
