@@ -96,13 +96,13 @@ def _condensed(
 
 
 def _is_full(matrix: Any) -> bool:
-    """Whether so many entries are there that factors have no structure to use."""
+    """True where so many entries are there that factors have no structure to use."""
     entries = matrix.nnz if hasattr(matrix, "nnz") else np.count_nonzero(matrix)
     return bool(FULL * entries > matrix.shape[0] ** 2)
 
 
 def _worth_modes(factors: Linear, terms: int) -> bool:
-    """Whether modes, found once, and their sums take less time for a curve than factors at every frequency."""
+    """True where modes, found once, and their sums take less time for a curve than factors at every frequency."""
     assert factors.matrices is not None
     M, _, K = factors.matrices
     size = factors.core.size
