@@ -52,19 +52,20 @@ DENSE = tuple(Cubic(0.5, w=np.cos(np.arange(N) + i)) for i in range(2))
 
 
 @pytest.mark.parametrize(
-    ("kind", "elements", "route"),
+    ("kind", "elements", "condense", "route"),
     [
-        ("proportional", ELEMENTS, "condensed, modal"),
-        ("dashpot", ELEMENTS, "condensed, sparse"),
-        ("gyroscopic", ELEMENTS, "condensed, sparse"),
-        ("dashpot", DENSE, "condensed, turned"),
-        ("gyroscopic", DENSE, "condensed, turned"),
+        ("proportional", ELEMENTS, "modal", "condensed, modal"),
+        ("proportional", ELEMENTS, True, "condensed, banded"),
+        ("dashpot", ELEMENTS, True, "condensed, banded"),
+        ("gyroscopic", ELEMENTS, True, "condensed, banded"),
+        ("dashpot", DENSE, True, "condensed, turned"),
+        ("gyroscopic", DENSE, True, "condensed, turned"),
     ],
 )
-def test_condensed_equals_full(kind, elements, route):
+def test_condensed_equals_full(kind, elements, condense, route):
     system = chain(N, elements, kind=kind)
     given = dict(force=force(N), omega=0.31, harmonics=5)
-    a = harmonic_balance(system, condense=True, **given)
+    a = harmonic_balance(system, condense=condense, **given)
     b = harmonic_balance(system, condense=False, **given)
     assert a.stats.route == route and b.stats.route == "full"
     print(route, kind, "difference", np.max(np.abs(a.X - b.X)))
@@ -82,10 +83,16 @@ def test_condensed_equals_reference():
 
 
 @pytest.mark.parametrize(
-    ("kind", "elements"), [("proportional", ELEMENTS), ("dashpot", ELEMENTS), ("gyroscopic", DENSE)]
+    ("kind", "elements", "condense"),
+    [
+        ("proportional", ELEMENTS, "modal"),
+        ("dashpot", ELEMENTS, True),
+        ("gyroscopic", ELEMENTS, True),
+        ("gyroscopic", DENSE, True),
+    ],
 )
-def test_slope_by_frequency(kind, elements):
-    setup = balance.prepare(chain(N, elements, kind=kind), force(N), Fourier(3, condense=True))
+def test_slope_by_frequency(kind, elements, condense):
+    setup = balance.prepare(chain(N, elements, kind=kind), force(N), Fourier(3, condense=condense))
     y = np.sin(np.arange(float(setup.core.size)))
     h = 1e-6
     high, low = (setup.core.residual(y, [0.4 + d])["residual"] for d in (h, -h))
@@ -124,7 +131,7 @@ def test_sparse_route_keeps_free_coordinates_too():
     C2 = 0.02 * K2 + sp.diags(unit(2 * n, (5, 0.1)))
     system = MechanicalSystem(M2, C2, K2, elements=[Cubic(1.0, w=unit(2 * n, (0, 1.0)))])
     setup = balance.prepare(system, {1: unit(2 * n, (3, 0.1))}, Fourier(3, condense=True))
-    assert setup.route == "condensed, sparse" and setup.linear.core.size == 2
+    assert setup.route == "condensed, banded" and setup.linear.core.size == 2
 
 
 def test_frequency_response_of_a_condensed_chain():
@@ -149,7 +156,7 @@ def test_stability_of_a_condensed_chain_equals_that_of_the_full_one():
     given = dict(force={1: unit(n, (0, 0.02))}, omega=[0.15, 0.17], harmonics=3)
     a = frequency_response(system, condense=True, **given)
     b = frequency_response(system, condense=False, **given)
-    assert a.stats.route == "condensed, sparse" and a.exponents.shape == (2, 2 * n)
+    assert a.stats.route == "condensed, banded" and a.exponents.shape == (2, 2 * n)
     for i in range(2):
         period = 2 * np.pi / a.omega[i]
         mu = [np.sort_complex(np.round(np.exp(c.exponents[i] * period), 9)) for c in (a, b)]
@@ -170,7 +177,7 @@ def test_a_thousand_masses(law):
     response = frequency_response(
         system, force=unit(n, (0, 0.01)), omega=(0.0012, 0.003), harmonics=7, stability=False, events=False
     )
-    assert response.status == "converged" and response.stats.route == "condensed, modal"
+    assert response.status == "converged" and response.stats.route == "condensed, banded"
     print(
         f"{n} masses, {law!r}: {response.stats.wall_time / len(response) * 1e3:.2f} ms per point", response.stats.counts
     )
@@ -181,7 +188,7 @@ def test_a_hundred_thousand_masses():
     n = 100_000
     system = chain(n, [Cubic(0.5, w=unit(n, (n - 1, 1.0)))])
     one = harmonic_balance(system, force=unit(n, (n - 50, 0.1)), omega=0.3, harmonics=3)
-    assert one.status == "converged" and one.stats.route == "condensed, sparse" and one.X.shape == (n, 7)
+    assert one.status == "converged" and one.stats.route == "condensed, banded" and one.X.shape == (n, 7)
     M, C, K = system.M, system.C, system.K
     x = one.X[:, 1] - 1j * one.X[:, 2]
     cubic = 0.5 * one.displacement(np.linspace(0, one.period, 64, endpoint=False))[-1] ** 3
@@ -205,11 +212,36 @@ def test_routes_can_be_chosen_and_agree():
     system = chain(N, ELEMENTS)
     given = dict(force=force(N), omega=0.31, harmonics=5)
     modal, sparse, full = (harmonic_balance(system, condense=c, **given) for c in ("modal", "sparse", False))
-    assert [a.stats.route for a in (modal, sparse, full)] == ["condensed, modal", "condensed, sparse", "full"]
+    assert [a.stats.route for a in (modal, sparse, full)] == ["condensed, modal", "condensed, banded", "full"]
     size = np.max(np.abs(full.X))
     assert max(np.max(np.abs(a.X - full.X)) for a in (modal, sparse)) < 1e-10 * size
     with pytest.raises(ModelError, match="does not couple"):
         harmonic_balance(chain(N, ELEMENTS, kind="gyroscopic"), condense="modal", **given)
+
+
+def grid(side):
+    """Masses on a square, each coupled with its neighbours, a spring at the middle: a wide band, sparse factors."""
+    line = sp.diags([np.full(side, 2.0), -np.ones(side - 1), -np.ones(side - 1)], [0, 1, -1])
+    K = (sp.kron(line, sp.identity(side)) + sp.kron(sp.identity(side), line)).tocsc()
+    n = side**2
+    M = sp.identity(n, format="csc")
+    return MechanicalSystem(M, 0.01 * K, K, elements=[Cubic(0.5, w=unit(n, (n // 2 + side // 2, 1.0)))])
+
+
+@pytest.mark.parametrize(
+    ("system", "route"),
+    [
+        (chain(50, [Cubic(0.5, w=unit(50, (49, 1.0)))]), "condensed, modal"),
+        (chain(300, [Cubic(0.5, w=unit(300, (299, 1.0)))]), "condensed, banded"),
+        (chain(50, [Cubic(0.5, w=unit(50, (49, 1.0)))], kind="gyroscopic"), "condensed, banded"),
+        (grid(14), "condensed, modal"),
+        (grid(40), "condensed, sparse"),
+    ],
+)
+def test_the_route_is_chosen_by_its_whole_cost(system, route):
+    """Modes of a short chain or a small grid pay, of a long chain they do not, and those of a large grid would not fit."""
+    setup = balance.prepare(system, {1: 0.01 * np.ones(system.n)}, Fourier(5))
+    assert setup.route == route
 
 
 def long_chain(n, law):

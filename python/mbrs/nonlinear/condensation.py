@@ -26,6 +26,10 @@ NEGLIGIBLE_SHAPE = 1e-9
 # over its largest entry up to which modes decouple: larger, soft parts are kept and coupled ones are cut; smaller, rounding is condensed
 LOOSE, COUPLED = 1e-11, 1e-12
 WORTH_CONDENSING = 150
+FULL = 4  # part of the entries of a matrix, one in so many, from which on it counts as full
+# complex products (about 4 ns each) of all modes of a chain over n^2 and of other systems over n^3, and of one mode over the square of
+# what is kept; evaluations of a curve of 60 to 100 points. Only speed depends on them.
+CHAIN_MODES, ALL_MODES, MODE, EVALUATIONS = 20, 0.1, 2, 400
 ROUGH = 1e-9  # relative rounding of the lowest eigenvalue from which on the sparse route, which is refined, is better
 
 
@@ -68,16 +72,45 @@ def linear_part(
             return _leading_coordinates(system, directions, forces, rank)
     if len(touched) == system.n:
         return _full(system, directions, forces, n_c)
-    by_modes = condense == "modal" or (condense != "sparse" and system.n <= MODAL_COORDINATES)
-    matrices = _symmetric(system) if by_modes else None
-    modal = None if matrices is None else _modal(matrices, touched, forces, condense == "modal")
-    if modal is not None:
-        return Linear(modal, "condensed, modal", directions, None, matrices)
-    if condense == "modal":
-        raise ModelError(
-            'condense="modal" needs symmetric matrices whose damping does not couple the modes; use "sparse"'
-        )
-    return _sparse(system, touched, forces, directions)
+    return _condensed(system, touched, forces, directions, n_c, "auto" if condense is True else condense)
+
+
+def _condensed(
+    system: Any, touched: np.ndarray, forces: np.ndarray, directions: tuple[np.ndarray, ...], n_c: int, route: str
+) -> Linear:
+    """By modes, or by factors at every frequency: what takes less time altogether, where the route is left open."""
+    open_to_modes = route == "modal" or (route == "auto" and system.n <= MODAL_COORDINATES)
+    factors = None
+    if not open_to_modes or (route == "auto" and not _is_full(system.K)):
+        factors = _sparse(system, touched, forces, directions)
+    if open_to_modes and (factors is None or _worth_modes(factors, (n_c + 1) // 2)):
+        matrices = _symmetric(system)
+        modal = None if matrices is None else _modal(matrices, touched, forces, route == "modal")
+        if modal is not None:
+            return Linear(modal, "condensed, modal", directions, None, matrices)
+        if route == "modal":
+            raise ModelError(
+                'condense="modal" needs symmetric matrices whose damping does not couple the modes; use "sparse"'
+            )
+    return factors or _sparse(system, touched, forces, directions)
+
+
+def _is_full(matrix: Any) -> bool:
+    """True where so many entries are there that factors have no structure to use."""
+    entries = matrix.nnz if hasattr(matrix, "nnz") else np.count_nonzero(matrix)
+    return bool(FULL * entries > matrix.shape[0] ** 2)
+
+
+def _worth_modes(factors: Linear, terms: int) -> bool:
+    """True where modes, found once, and their sums take less time for a curve than factors at every frequency."""
+    assert factors.matrices is not None
+    M, _, K = factors.matrices
+    size = factors.core.size
+    n = M.shape[0] - size
+    is_chain = np.all(M.row == M.col) and np.max(np.abs(K.row - K.col), initial=0) <= 1
+    first = CHAIN_MODES * n**2 if is_chain else ALL_MODES * n**3
+    by_modes = first + EVALUATIONS * terms * MODE * n * size**2
+    return bool(by_modes < EVALUATIONS * factors.core.products(terms))
 
 
 def dense(system: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -255,7 +288,8 @@ def _sparse(system: Any, retained: np.ndarray, forces: np.ndarray, directions: t
     core = _core.HbmLinear.sparse(
         system.n, places % system.n, places // system.n, values(M), values(C), values(K), retained, forces
     )
-    return Linear(core, "condensed, sparse", directions, None, (M, C, K))
+    route = "condensed, sparse" if core.half_bandwidth is None else "condensed, banded"
+    return Linear(core, route, directions, None, (M, C, K))
 
 
 def conservative(system: Any) -> bool:

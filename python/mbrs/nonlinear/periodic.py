@@ -276,9 +276,10 @@ def harmonic_balance(
         nu: the motion may have the period 2 pi nu / omega.
     condense
         Solve for the coordinates that elements touch alone, the others being eliminated exactly, harmonic by harmonic:
-        True, False, or "auto" for systems large enough to gain from it; by one sparse factorisation per harmonic
-        ("sparse") or by the modes of the rest while these coordinates are held, none left out ("modal").
-        ``.stats.route`` tells what was done.
+        True, False, or "auto" for systems large enough to gain from it; by one sparse factorisation per harmonic, of
+        narrow bands eight at once ("sparse"), or by the modes of the rest while these coordinates are held, none left
+        out ("modal"): by what takes less time, set-up included, where neither is asked for. ``.stats.route`` tells what
+        was done: "condensed, banded", "condensed, sparse", "condensed, modal".
     x0
         First guess: coefficients (dof, 2h+1) or an earlier result. The default starts at rest with the linear response;
         if that fails, the force is raised step by step, and if that fails, the harmonics are.

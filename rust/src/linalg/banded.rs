@@ -63,6 +63,15 @@ impl Lanes {
         }
     }
 
+    /// `self += a b`
+    #[inline(always)]
+    pub fn add_product(&mut self, a: &Lanes, b: &Lanes) {
+        for l in 0..LANES {
+            self.re[l] += a.re[l] * b.re[l] - a.im[l] * b.im[l];
+            self.im[l] += a.re[l] * b.im[l] + a.im[l] * b.re[l];
+        }
+    }
+
     #[inline(always)]
     pub fn times(&self, b: &Lanes) -> Lanes {
         let mut out = Lanes::ZERO;
@@ -187,10 +196,10 @@ impl Band {
     /// damping are those with it.
     pub fn commutator(&self) -> f64 {
         let vector: Vec<Lanes> = (0..self.n).map(|i| Lanes::real((2.399_963 * i as f64).sin() + 1.5)).collect();
-        let mut masses = Factored { n: self.n, half: self.half, z: self.masses(), lu: self.masses() };
-        widest!(|_| factorise(&mut masses.lu, self.n, self.half));
+        let masses = Band { entry: self.entry.iter().map(|[m, ..]| [0.0, 0.0, *m]).collect(), ..self.clone() };
+        let factored = masses.factored(&[0.0; LANES]);
         let after = |first: usize, second: usize| {
-            let x = masses.solve(&self.times(first, &vector)).x;
+            let x = factored.solve(&self.times(first, &vector)).x;
             self.times(second, &x)
         };
         let (one, other) = (after(1, 2), after(2, 1));
@@ -217,11 +226,30 @@ impl Band {
     }
 
     /// Z at these frequencies.
-    pub fn factored(&self, w: &Reals) -> Factored {
-        let mut z = self.each(|e| Lanes::dynamic(e, w));
-        let kept = z.clone();
-        widest!(|_| factorise(&mut z, self.n, self.half));
-        Factored { n: self.n, half: self.half, z: kept, lu: z }
+    pub fn factored(&self, w: &Reals) -> Factored<'_> {
+        self.factored_in(w, Memory::default())
+    }
+
+    /// The same in memory that is at hand.
+    pub fn factored_in(&self, w: &Reals, mut memory: Memory) -> Factored<'_> {
+        memory.lu.resize(self.entry.len(), Lanes::ZERO);
+        widest!(|_| factorise(self, w, &mut memory.lu));
+        Factored { band: self, w: *w, lu: memory.lu, sizes: memory.sizes }
+    }
+
+    /// The matrices with rows and columns exchanged.
+    pub fn transposed(&self) -> Band {
+        let mut entry = vec![[0.0; 3]; self.entry.len()];
+        for i in 0..self.n {
+            for j in i.saturating_sub(self.half)..=(i + self.half).min(self.n - 1) {
+                entry[self.at_place(j, i)] = self.entry[self.at_place(i, j)];
+            }
+        }
+        Band { entry, place: self.place.clone(), ..*self }
+    }
+
+    fn at_place(&self, i: usize, j: usize) -> usize {
+        i * (2 * self.half + 1) + self.half + j - i
     }
 }
 
@@ -274,12 +302,19 @@ fn breadth_first(first: usize, neighbours: &[Vec<usize>], seen: &mut [bool]) -> 
     (found, depth)
 }
 
-/// Z and its factors L (units on its diagonal) and U (inverses on its diagonal), by rows of 2 half + 1.
-pub struct Factored {
-    n: usize,
-    half: usize,
-    z: Vec<Lanes>,
+/// Factors of Z: L (units on its diagonal) and U (inverses on its diagonal), by rows of 2 half + 1.
+pub struct Factored<'a> {
+    band: &'a Band,
+    w: Reals,
     lu: Vec<Lanes>,
+    sizes: Vec<Reals>,
+}
+
+/// What a factorisation needs, to be used again.
+#[derive(Default)]
+pub struct Memory {
+    lu: Vec<Lanes>,
+    sizes: Vec<Reals>,
 }
 
 /// X of Z X = F, (n, columns) by rows in the order of the band.
@@ -289,23 +324,38 @@ pub struct Solved {
     pub right: [bool; LANES],
 }
 
-impl Factored {
+impl Factored<'_> {
     pub fn solve(&self, f: &[Lanes]) -> Solved {
-        let columns = f.len() / self.n;
+        let columns = f.len() / self.band.n;
         let mut x = f.to_vec();
-        let mut residual = vec![Lanes::ZERO; f.len()];
-        let mut left = [0.0; LANES];
+        let mut left = Remainder { residual: f.to_vec(), count: [0.0; LANES] };
         self.substitute(&mut x, columns);
         for pass in 0..=CORRECTIONS {
-            left = [0.0; LANES];
-            widest!(|_| remainder(self, columns, f, &x, &mut residual, &mut left));
-            if pass == CORRECTIONS || left.iter().all(|l| *l == 0.0) {
+            widest!(|_| remainder(self, columns, f, &x, &mut left));
+            if pass == CORRECTIONS || left.count.iter().all(|l| *l == 0.0) {
                 break;
             }
-            self.substitute(&mut residual, columns);
-            x.iter_mut().zip(&residual).for_each(|(x, r)| x.add(r));
+            self.substitute(&mut left.residual, columns);
+            x.iter_mut().zip(&left.residual).for_each(|(x, r)| x.add(r));
         }
-        Solved { x, right: left.map(|l| l == 0.0) }
+        Solved { x, right: left.count.map(|l| l == 0.0) }
+    }
+
+    /// X = Z^-1 F in the place of F, not corrected, and with the rows of Y beside it Y^T Z' X, where Z' = i D - 2 w M is the slope of Z,
+    /// and |Y|^T |L| |U| |X|: what rounding of Y^T F and of Y^T Z X is in proportion to (N. J. Higham, Accuracy and Stability of Numerical
+    /// Algorithms, 2nd ed., SIAM 2002, theorem 9.4). Without Y it is X; a row of Y may be longer than `rows`.
+    pub fn weighed(&mut self, x: &mut [Lanes], y: Option<&[Lanes]>, rows: usize) -> Vec<(Lanes, Reals)> {
+        let columns = x.len() / self.band.n;
+        let mut sums = vec![(Lanes::ZERO, [0.0; LANES]); rows * columns];
+        let mut sizes = std::mem::take(&mut self.sizes);
+        sizes.resize(x.len(), [0.0; LANES]);
+        self.substitute(x, columns);
+        widest!(|_| {
+            absolute(self, columns, x, &mut sizes);
+            weigh(self, y.unwrap_or(x), (rows, columns), x, &sizes, &mut sums);
+        });
+        self.sizes = sizes;
+        sums
     }
 
     fn substitute(&self, x: &mut [Lanes], columns: usize) {
@@ -314,26 +364,58 @@ impl Factored {
 
     /// Squares of the Frobenius norm of Z.
     pub fn norm_squared(&self) -> Reals {
-        squares(&self.z)
+        let mut out = [0.0; LANES];
+        widest!(|_| {
+            for e in &self.band.entry {
+                add_square(&mut out, &Lanes::dynamic(*e, &self.w));
+            }
+        });
+        out
     }
+
+    /// What `factored_in` was given.
+    pub fn into_memory(self) -> Memory {
+        Memory { lu: self.lu, sizes: self.sizes }
+    }
+}
+
+/// F - Z X.
+struct Remainder {
+    residual: Vec<Lanes>,
+    /// entries that exceed rounding of their terms
+    count: Reals,
 }
 
 /// Sums of squares.
 pub fn squares(x: &[Lanes]) -> Reals {
     let mut out = [0.0; LANES];
-    for x in x {
-        for (l, out) in out.iter_mut().enumerate() {
-            *out += x.re[l] * x.re[l] + x.im[l] * x.im[l];
-        }
-    }
+    x.iter().for_each(|x| add_square(&mut out, x));
     out
 }
 
-/// L and U in place of Z, see `Factored`.
 #[inline(always)]
-fn factorise(lu: &mut [Lanes], n: usize, half: usize) {
+fn add_square(sum: &mut Reals, x: &Lanes) {
+    for (l, sum) in sum.iter_mut().enumerate() {
+        *sum += x.re[l] * x.re[l] + x.im[l] * x.im[l];
+    }
+}
+
+#[inline(always)]
+fn fill(entry: &[[f64; 3]], w: &Reals, z: &mut [Lanes]) {
+    for (z, e) in z.iter_mut().zip(entry) {
+        *z = Lanes::dynamic(*e, w);
+    }
+}
+
+/// L and U, see `Factored`; a row of Z is computed when it is first needed.
+#[inline(always)]
+fn factorise(band: &Band, w: &Reals, lu: &mut [Lanes]) {
+    let (n, half) = (band.n, band.half);
     let width = 2 * half + 1;
+    fill(&band.entry[..half * width], w, &mut lu[..half * width]);
     for k in 0..n {
+        let new = ((k + half) * width).min(lu.len())..((k + half + 1) * width).min(lu.len());
+        fill(&band.entry[new.clone()], w, &mut lu[new]);
         let (done, below) = lu.split_at_mut((k + 1) * width);
         let row = &mut done[k * width..];
         row[half] = row[half].inverse();
@@ -351,8 +433,8 @@ fn factorise(lu: &mut [Lanes], n: usize, half: usize) {
 }
 
 #[inline(always)]
-fn substitute(own: &Factored, columns: usize, x: &mut [Lanes]) {
-    let (n, half) = (own.n, own.half);
+fn substitute(own: &Factored<'_>, columns: usize, x: &mut [Lanes]) {
+    let (n, half) = (own.band.n, own.band.half);
     let width = 2 * half + 1;
     for i in 0..n {
         let row = &own.lu[i * width..(i + 1) * width];
@@ -379,20 +461,95 @@ fn substitute(own: &Factored, columns: usize, x: &mut [Lanes]) {
     }
 }
 
-/// `residual` = F - Z X; counts in `left` where an entry exceeds rounding of the terms that it is the sum of.
+/// |U| |X|
 #[inline(always)]
-fn remainder(own: &Factored, columns: usize, f: &[Lanes], x: &[Lanes], residual: &mut [Lanes], left: &mut Reals) {
-    let (n, half) = (own.n, own.half);
-    let width = 2 * half + 1;
+fn absolute(own: &Factored<'_>, columns: usize, x: &[Lanes], sizes: &mut [Reals]) {
+    let (n, half) = (own.band.n, own.band.half);
     for i in 0..n {
-        let row = &own.z[i * width..(i + 1) * width];
+        let row = &own.lu[own.band.at_place(i, i)..][..=half.min(n - 1 - i)];
+        for c in 0..columns {
+            let mut column = x[i * columns + c..].iter().step_by(columns);
+            let mut sum = column.next().map_or([0.0; LANES], Lanes::size);
+            let inverse = row[0].size();
+            (0..LANES).for_each(|l| sum[l] /= inverse[l]);
+            for (u, x) in row[1..].iter().zip(column) {
+                add_sizes(&mut sum, &u.size(), &x.size());
+            }
+            sizes[i * columns + c] = sum;
+        }
+    }
+}
+
+#[inline(always)]
+fn add_sizes(sum: &mut Reals, a: &Reals, b: &Reals) {
+    for l in 0..LANES {
+        sum[l] += a[l] * b[l];
+    }
+}
+
+/// Adds Y^T Z' X and |Y|^T |L| times the sizes.
+#[inline(always)]
+fn weigh(
+    own: &Factored<'_>,
+    y: &[Lanes],
+    (rows, columns): (usize, usize),
+    x: &[Lanes],
+    sizes: &[Reals],
+    sums: &mut [(Lanes, Reals)],
+) {
+    let (n, half) = (own.band.n, own.band.half);
+    let long = y.len() / n;
+    for i in 0..n {
         let (from, to) = (i.saturating_sub(half), (i + half).min(n - 1));
+        let at = own.band.at_place(i, from);
+        let (entries, lower) = (&own.band.entry[at..][..=to - from], &own.lu[at..][..i - from]);
+        for c in 0..columns {
+            let moved = slope_times(entries, &own.w, x[from * columns + c..].iter().step_by(columns));
+            let mut size = sizes[i * columns + c];
+            for (l, s) in lower.iter().zip(sizes[from * columns + c..].iter().step_by(columns)) {
+                add_sizes(&mut size, &l.size(), s);
+            }
+            for (row, y) in y[i * long..][..rows].iter().enumerate() {
+                let (sum, rounding) = &mut sums[row * columns + c];
+                sum.add_product(y, &moved);
+                add_sizes(rounding, &y.size(), &size);
+            }
+        }
+    }
+}
+
+/// A row of Z' X = i D X - 2 w M X.
+#[inline(always)]
+fn slope_times<'a>(entries: &[[f64; 3]], w: &Reals, x: impl Iterator<Item = &'a Lanes>) -> Lanes {
+    let (mut masses, mut damping) = (Lanes::ZERO, Lanes::ZERO);
+    for ([m, d, _], x) in entries.iter().zip(x) {
+        damping.add_scaled(*d, x);
+        if *m != 0.0 {
+            masses.add_scaled(*m, x);
+        }
+    }
+    let mut out = Lanes::ZERO;
+    for (l, w) in w.iter().enumerate() {
+        out.re[l] = -2.0 * w * masses.re[l] - damping.im[l];
+        out.im[l] = damping.re[l] - 2.0 * w * masses.im[l];
+    }
+    out
+}
+
+/// F - Z X and where an entry exceeds rounding of the terms that it is the sum of.
+#[inline(always)]
+fn remainder(own: &Factored<'_>, columns: usize, f: &[Lanes], x: &[Lanes], left: &mut Remainder) {
+    let (n, half) = (own.band.n, own.band.half);
+    left.count = [0.0; LANES];
+    for i in 0..n {
+        let (from, to) = (i.saturating_sub(half), (i + half).min(n - 1));
+        let entries = &own.band.entry[own.band.at_place(i, from)..];
         for c in 0..columns {
             let mut sum = f[i * columns + c];
             let mut terms = sum.size();
-            for j in from..=to {
-                let (z, x) = (&row[half + j - i], &x[j * columns + c]);
-                sum.subtract(z, x);
+            for (e, x) in entries.iter().zip(x[from * columns + c..=to * columns + c].iter().step_by(columns)) {
+                let z = Lanes::dynamic(*e, &own.w);
+                sum.subtract(&z, x);
                 let (z, x) = (z.size(), x.size());
                 for l in 0..LANES {
                     terms[l] += z[l] * x[l];
@@ -401,9 +558,9 @@ fn remainder(own: &Factored, columns: usize, f: &[Lanes], x: &[Lanes], residual:
             let size = sum.size();
             for l in 0..LANES {
                 // NaN is left, too
-                left[l] += if size[l] <= BACKWARD * terms[l] + f64::MIN_POSITIVE { 0.0 } else { 1.0 };
+                left.count[l] += if size[l] <= BACKWARD * terms[l] + f64::MIN_POSITIVE { 0.0 } else { 1.0 };
             }
-            residual[i * columns + c] = sum;
+            left.residual[i * columns + c] = sum;
         }
     }
 }
@@ -508,9 +665,9 @@ mod tests {
         let band = Band::new(1, &[(0, 0, [0.0, 0.0, 1.0])], 1).unwrap();
         let own = band.factored(&[0.0; LANES]);
         let counted = |off: f64| {
-            let (mut residual, mut left) = ([Lanes::ZERO], [0.0; LANES]);
-            remainder(&own, 1, &[Lanes::real(1.0)], &[Lanes::real(1.0 + off)], &mut residual, &mut left);
-            left[0] > 0.0
+            let mut left = Remainder { residual: vec![Lanes::ZERO], count: [0.0; LANES] };
+            remainder(&own, 1, &[Lanes::real(1.0)], &[Lanes::real(1.0 + off)], &mut left);
+            left.count[0] > 0.0
         };
         assert!(!counted(0.0) && !counted(f64::EPSILON) && !counted(1.5e-15));
         assert!(counted(3e-15) && counted(1e-13));

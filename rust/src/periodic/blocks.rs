@@ -30,15 +30,16 @@ impl Blocks {
         }
     }
 
-    /// Brings the block of a term to a frequency; true where it had to be evaluated.
-    pub fn update(&mut self, linear: &mut dyn DynamicStiffness, j: usize, w: f64) -> Result<bool> {
-        if self.at[j] == w {
-            return Ok(false);
+    /// Brings the blocks of all terms to their frequencies; how many had to be evaluated.
+    pub fn update(&mut self, linear: &mut dyn DynamicStiffness, frequencies: &[f64]) -> Result<u64> {
+        let tasks: Vec<(usize, f64)> =
+            frequencies.iter().copied().enumerate().filter(|(j, w)| self.at[*j] != *w).collect();
+        for (j, _) in &tasks {
+            self.at[*j] = f64::NAN;
+            self.each[*j].s_growth.clear();
         }
-        self.at[j] = f64::NAN;
-        self.each[j].s_growth.clear();
-        linear.evaluate(w, j, &mut self.each[j])?;
-        self.at[j] = w;
-        Ok(true)
+        linear.evaluate_all(&tasks, &mut self.each)?;
+        tasks.iter().for_each(|(j, w)| self.at[*j] = *w);
+        Ok(tasks.len() as u64)
     }
 }

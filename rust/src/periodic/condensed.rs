@@ -4,12 +4,14 @@ use std::sync::Arc;
 use faer::Mat;
 use num_complex::Complex64 as c64;
 
+use super::condensed_banded::{Banded, Task};
 use super::factor::{Factor, Ldl, Pattern};
 use super::linear::{Block, DynamicStiffness, Forces, Matrices, STABILITY_COORDINATES, reordered};
 use super::refined::Solution;
 use crate::error::{Error, Result};
+use crate::linalg::banded::LANES;
 use crate::tolerances::matrices::SAME_ENTRY;
-use crate::tolerances::periodic::{ABSENT, FELT, REFINED, SETTLED};
+use crate::tolerances::periodic::{ABSENT, FELT, LANE_PRODUCT, MOST_LANES, REFINED, SETTLED};
 
 const REFINEMENTS: usize = 6;
 
@@ -33,7 +35,7 @@ impl Entry {
     }
 
     /// Sum of the absolute terms of z.
-    fn size(&self, w: f64) -> f64 {
+    pub fn size(&self, w: f64) -> f64 {
         self.k.abs() + w * w * self.m.abs() + (w * self.c).abs()
     }
 }
@@ -43,15 +45,15 @@ pub struct Split {
     n: usize,
     /// old numbers of the retained and of the local coordinates
     pub retained: Vec<usize>,
-    local: Vec<usize>,
+    pub local: Vec<usize>,
     place: Vec<Place>,
-    rr: Vec<Entry>,
-    rl: Vec<Entry>,
-    lr: Vec<Entry>,
-    ll: Vec<Entry>,
+    pub rr: Vec<Entry>,
+    pub rl: Vec<Entry>,
+    pub lr: Vec<Entry>,
+    pub ll: Vec<Entry>,
     /// all entries, kept for stability where the system is small
     all: Vec<Entry>,
-    symmetric: bool,
+    pub symmetric: bool,
     pub forces: Forces,
 }
 
@@ -200,13 +202,41 @@ pub struct Condensed {
     pub split: Arc<Split>,
     factor: Factor,
     values: Vec<c64>,
+    /// where several terms at once take less time than one by one
+    banded: Option<Banded>,
+    /// complex products of one term by itself, and of up to `LANES` terms at once
+    products: [f64; 2],
 }
 
 impl Condensed {
     pub fn new(split: Arc<Split>) -> Result<Condensed> {
         let factor = Factor::new(&split.pattern(), split.symmetric)?;
         let values = vec![c64::new(0.0, 0.0); split.ll.len()];
-        Ok(Condensed { split, factor, values })
+        let (n_l, n_r) = (split.local.len(), split.retained.len());
+        let one = (factor.products(n_r) + (n_r + 1) * split.ll.len()) as f64;
+        let most = (LANES as f64 * one / (LANE_PRODUCT * n_l as f64)).sqrt().min(MOST_LANES / n_l as f64);
+        let banded = if n_l > 0 { Banded::new(&split, most as usize) } else { None };
+        let several = banded.as_ref().map_or(f64::INFINITY, |b| LANE_PRODUCT * b.products(n_r) as f64);
+        let banded = banded.filter(|_| several < LANES as f64 * one);
+        Ok(Condensed { split, factor, values, banded, products: [one, several] })
+    }
+
+    /// Terms that together take less time in lanes than one by one.
+    fn in_lanes(&self, terms: usize) -> bool {
+        self.banded.is_some() && self.products[1] < terms as f64 * self.products[0]
+    }
+
+    /// Blocks of up to `LANES` terms at once; those come back that have to be evaluated one by one.
+    fn condense_several(&mut self, tasks: &[Task], blocks: &mut [Block]) -> Vec<Task> {
+        let Some(banded) = self.banded.as_mut().filter(|_| tasks.len() > 1) else {
+            return tasks.to_vec();
+        };
+        let left = banded.condense(&self.split, tasks, blocks);
+        if left.len() == tasks.len() {
+            // rounding that is felt at all of these frequencies is felt at the next ones
+            self.banded = None;
+        }
+        left
     }
 
     fn factorise(&mut self, w: f64) -> Result<()> {
@@ -275,7 +305,7 @@ impl Condensed {
         let split = self.split.clone();
         split.fill(w, &right, left.as_ref().unwrap_or(&right), out);
         let scale = natural_sizes(w, out);
-        if out.s_growth.iter().zip(&scale).any(|(growth, scale)| f64::EPSILON * growth > FELT * scale) {
+        if !is_settled(&out.s_growth, &scale) {
             let (x, s) = self.refined(w, right, left.as_ref(), &scale, &out.s_growth)?;
             right = x;
             split.fill(w, &right, left.as_ref().unwrap_or(&right), out);
@@ -317,11 +347,16 @@ impl Condensed {
 }
 
 /// sqrt(d_i d_j) with d_i = |S_ii| + w |S_ii'|: sizes of the entries of S in whatever units the coordinates have.
-fn natural_sizes(w: f64, block: &Block) -> Vec<f64> {
+pub fn natural_sizes(w: f64, block: &Block) -> Vec<f64> {
     let n = block.force.len();
     let own = |i: usize| block.s[i * n + i].norm() + w.abs() * block.s_slope[i * n + i].norm();
     let root: Vec<f64> = (0..n).map(|i| own(i).sqrt()).collect();
     (0..n * n).map(|at| root[at / n] * root[at % n]).collect()
+}
+
+/// Whether rounding is not felt in any entry; what is not finite is felt.
+pub fn is_settled(growth: &[f64], scale: &[f64]) -> bool {
+    growth.iter().zip(scale).all(|(growth, scale)| growth.is_finite() && f64::EPSILON * growth <= FELT * scale)
 }
 
 fn finite(block: &Block, w: f64) -> Result<()> {
@@ -350,6 +385,30 @@ impl DynamicStiffness for Condensed {
             self.condense_force(w, force, &left, block);
         }
         finite(block, w)
+    }
+
+    fn evaluate_all(&mut self, tasks: &[Task], blocks: &mut [Block]) -> Result<()> {
+        let mut alone = Vec::new();
+        for some in tasks.chunks(LANES) {
+            if self.in_lanes(some.len()) {
+                alone.extend(self.condense_several(some, blocks));
+            } else {
+                alone.extend_from_slice(some);
+            }
+        }
+        alone.into_iter().try_for_each(|(term, w)| self.evaluate(w, term, &mut blocks[term]))
+    }
+
+    fn half_bandwidth(&self) -> Option<usize> {
+        self.banded.as_ref().map(Banded::half_bandwidth)
+    }
+
+    fn products(&self, terms: usize) -> f64 {
+        let some = |count: usize| match count as f64 * self.products[0] {
+            _ if self.in_lanes(count) => self.products[1],
+            alone => alone,
+        };
+        (terms / LANES) as f64 * some(LANES) + some(terms % LANES)
     }
 
     fn expand(&mut self, w: f64, term: usize, factor: f64, y: &[c64], x: &mut [c64]) -> Result<()> {
@@ -410,7 +469,9 @@ impl DynamicStiffness for Condensed {
     }
 
     fn copied(&self) -> Result<Box<dyn DynamicStiffness>> {
-        Ok(Box::new(Condensed::new(self.split.clone())?))
+        let factor = Factor::new(&self.split.pattern(), self.split.symmetric)?;
+        let banded = self.banded.as_ref().map(Banded::copied);
+        Ok(Box::new(Condensed { split: self.split.clone(), factor, values: self.values.clone(), banded, ..*self }))
     }
 
     fn retain(&self, direction: &[(usize, f64)]) -> Result<Vec<(usize, f64)>> {

@@ -74,6 +74,15 @@ impl Factor {
         }
     }
 
+    /// About as many complex products take one factorisation and solutions with so many right sides; where pivots decide on the entries
+    /// of the factors, at least.
+    pub fn products(&self, columns: usize) -> usize {
+        match self {
+            Factor::Symmetric(ldl) => products(&ldl.l_start, columns),
+            Factor::General(general) => 2 * products(general.pattern.col_ptr(), columns),
+        }
+    }
+
     /// X <- A^-1 X, or A^-T X.
     pub fn solve(&mut self, x: &mut Mat<c64>, transposed: bool) {
         match self {
@@ -89,6 +98,12 @@ impl Factor {
             },
         }
     }
+}
+
+/// Of factors whose columns begin there.
+fn products(start: &[usize], columns: usize) -> usize {
+    let each = start.windows(2).map(|at| at[1] - at[0]);
+    each.map(|entries| 1 + entries * (entries + 2 * columns)).sum()
 }
 
 fn out_of_memory<E>(_: E) -> Error {

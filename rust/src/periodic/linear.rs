@@ -45,6 +45,18 @@ pub trait DynamicStiffness: Send {
     fn full_size(&self) -> usize;
     /// Fills `block` at the circular frequency w, with the force of this term.
     fn evaluate(&mut self, w: f64, term: usize, block: &mut Block) -> Result<()>;
+    /// The blocks of these terms at their frequencies.
+    fn evaluate_all(&mut self, tasks: &[(usize, f64)], blocks: &mut [Block]) -> Result<()> {
+        tasks.iter().try_for_each(|&(term, w)| self.evaluate(w, term, &mut blocks[term]))
+    }
+    /// Where the terms are factorised as a band, several at once.
+    fn half_bandwidth(&self) -> Option<usize> {
+        None
+    }
+    /// About as many complex products does it take to evaluate so many terms once.
+    fn products(&self, _terms: usize) -> f64 {
+        0.0
+    }
     /// Sums of the absolute terms of the entries of S at the frequency w, with the growth of a division: an ulp of these is their
     /// rounding. Of forms that are factorised the block has them.
     fn sizes(&self, _w: f64, out: &mut [f64]) {

@@ -11,6 +11,7 @@ pub mod autonomous;
 pub mod basis;
 mod blocks;
 pub mod condensed;
+pub mod condensed_banded;
 mod contact;
 pub mod estimate;
 pub mod factor;

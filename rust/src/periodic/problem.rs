@@ -255,10 +255,8 @@ impl Problem {
 
     /// The blocks at the present frequencies, on which alone they depend.
     pub fn update_blocks(&mut self) -> Result<()> {
-        for (j, w) in self.all_frequencies().into_iter().enumerate() {
-            let computed = self.blocks.update(self.linear.as_mut(), j, w)?;
-            self.factorisations += u64::from(computed);
-        }
+        let frequencies = self.all_frequencies();
+        self.factorisations += self.blocks.update(self.linear.as_mut(), &frequencies)?;
         Ok(())
     }
 

@@ -124,6 +124,17 @@ impl HbmLinear {
         lock(&self.0).retained()
     }
 
+    /// Where the factors are those of a band, several frequencies at once.
+    #[getter]
+    fn half_bandwidth(&self) -> Option<usize> {
+        lock(&self.0).half_bandwidth()
+    }
+
+    /// About as many complex products does it take to evaluate so many terms once.
+    fn products(&self, terms: usize) -> f64 {
+        lock(&self.0).products(terms)
+    }
+
     /// Number of retained coordinates.
     #[getter]
     fn size(&self) -> usize {

@@ -9,6 +9,16 @@ pub const LEAST_SCALE: f64 = 1e-6;
 /// refinements that change nothing. Used by tests/nonlinear/test_hbm_rounding.py.
 pub const FELT: f64 = 1e-6;
 
+/// Time of a complex product in lanes, eight frequencies at once, over that of one in a sparse factor. Free of units. Larger: narrow bands
+/// are factorised frequency by frequency. Smaller: wide ones are factorised as bands where sparse factors are faster. Only speed depends
+/// on it. Pinned by `narrow_bands_are_condensed_in_lanes`.
+pub const LANE_PRODUCT: f64 = 2.0;
+
+/// Half-bandwidth times coordinates, 400 bytes each, up to which a band is factorised at eight frequencies at once. A count. Larger: memory
+/// of hundreds of megabytes. Smaller: long chains are factorised frequency by frequency. Only speed and memory depend on it.
+/// Pinned by `narrow_bands_are_condensed_in_lanes`.
+pub const MOST_LANES: f64 = 2e5;
+
 /// Correction of an entry by a residual, relative to its natural size, after which the next correction, about its square, would not
 /// count. Free of units. Too large: S keeps a visible error; too small: structures are refused that are known well enough.
 /// Used by tests/nonlinear/test_hbm_rounding.py.
