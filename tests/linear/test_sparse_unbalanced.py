@@ -15,9 +15,22 @@ from mbrs import _core
 from mbrs.linear.sparse_modes import model_modes
 from mbrs.model.layout import BODY
 from random_models import TREE_JOINTS, add_body, add_elements, add_loads, random_loop, random_tree
-from test_sparse_general import FEATURES, UNITS, Chain
+from test_sparse_general import FEATURES, UNITS, Chain, compare
 
 pytestmark = pytest.mark.filterwarnings("ignore::mbrs.errors.MbrsWarning")
+
+
+def cases(names, values):
+    """Each name with one of the values; with the others it is slow."""
+    marks = [(), (pytest.mark.slow,)]
+    return [
+        pytest.param(name, value, marks=marks[(i + j) % len(values) != 0])
+        for i, name in enumerate(names)
+        for j, value in enumerate(values)
+    ]
+
+
+UNIT = list(UNITS.values())
 
 
 def motions(lin):
@@ -72,15 +85,18 @@ def agree(m, at=None, without=(), tol=1e-12):
     return lin
 
 
-def with_screws(rng, n):
-    """Bodies on screws and other joints in a chain, half of them reversed, under all loads and elements."""
+def with_screws(rng, n, loose):
+    """Bodies on screws and universal joints in a chain, half of them reversed, under all loads and elements; ``loose``: without a joint to
+    ground."""
     m = mb.Model("screws", gravity=rng.normal(size=3) * (1, 9, 1))
     last, here = m.ground, np.zeros(3)
     for i in range(n):
         body, at = add_body(m, rng, f"b{i}", here + rng.normal(size=3)), here
         ends = (last, body) if rng.random() < 0.5 else (body, last)
         axis = rng.normal(size=3)
-        if i % 2:
+        if i == 0 and loose:
+            pass
+        elif i % 2:
             m.screw(f"j{i}", *ends, at=at, axis=axis, pitch=rng.normal() * 0.3, k=5.0)
         else:
             m.universal(f"j{i}", *ends, at=at, axis=axis, axis2=np.cross(axis, rng.normal(size=3)), k=(6.0, 7.0))
@@ -90,8 +106,7 @@ def with_screws(rng, n):
     return m
 
 
-@pytest.mark.parametrize("followers", [False, True])
-@pytest.mark.parametrize("kind", TREE_JOINTS)
+@pytest.mark.parametrize("kind, followers", cases(TREE_JOINTS, (False, True)))
 def test_trees(kind, followers):
     """Each kind of joint beside every other, forwards and reversed."""
     rng = np.random.default_rng([TREE_JOINTS.index(kind), followers])
@@ -104,10 +119,10 @@ def test_trees(kind, followers):
     assert max(difference(m, at).values()) < 1e-9
 
 
-@pytest.mark.parametrize("seed", range(3))
-def test_screws(seed):
-    rng = np.random.default_rng(seed)
-    m = with_screws(rng, 6)
+@pytest.mark.parametrize("loose", [False, True])
+def test_screws(loose):
+    rng = np.random.default_rng(loose)
+    m = with_screws(rng, 6, loose)
     agree(m)
     agree(m, advanced(m, rng, 0.4))
 
@@ -130,7 +145,7 @@ def test_loops(kinds, rod):
     assert max(difference(m, at).values()) < 1e-9
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", [0, 3, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (1, 2))])
 def test_flexible_bodies(seed):
     rng = np.random.default_rng(seed)
     m = random_tree(
@@ -141,8 +156,15 @@ def test_flexible_bodies(seed):
     agree(m, advanced(m, rng, 0.1))
 
 
-@pytest.mark.parametrize("unit", list(UNITS.values()), ids=list(UNITS))
-@pytest.mark.parametrize("name", FEATURES)
+@pytest.mark.parametrize("c, unit", cases((0.0, 1e-4), UNIT))
+def test_roots_and_shapes(c, unit):
+    """The modes of a drawn chain, with and without dampers."""
+    made = Chain(4, unit, c=c, kinds=("revolute", "planar", "universal", "prismatic", "spherical"))
+    assert mb.linearize(made.model).error > 1e-2
+    compare(made.model)
+
+
+@pytest.mark.parametrize("name, unit", cases(FEATURES, UNIT))
 def test_features(name, unit):
     """Drives, couplers, functions, followers, rolling, cut loops."""
     made = Chain(5, unit, c=1e-4)
@@ -159,8 +181,7 @@ def test_a_rolling_disc():
     agree(made.model)
 
 
-@pytest.mark.parametrize("unit", list(UNITS.values()), ids=list(UNITS))
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed, unit", cases(range(2), UNIT))
 def test_states_that_move(seed, unit):
     """The lowest roots of a state with rates that no force keeps up."""
     made = Chain(seed, unit, n=18, kinds=("revolute", "universal", "planar", "prismatic", "spherical"))
