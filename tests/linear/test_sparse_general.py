@@ -53,6 +53,7 @@ class Chain:
             "spherical": [turned, 1.3 * turned, 0.8 * turned],
             "cylindrical": [straight, turned],
             "universal": [turned, 1.2 * turned],
+            "planar": [straight, 1.4 * straight, turned],
             "bushing": np.array([straight, 2 * straight, 3 * straight, turned, 2 * turned, 1.5 * turned]),
         }[kind]
 

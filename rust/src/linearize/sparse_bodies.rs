@@ -150,9 +150,6 @@ fn moving(form: &SparseForm, motion: &Motion) -> Problem {
     let moved =
         |x: &Csc, at: usize, factor: f64| -> Entries { x.entries().map(|(i, j, v)| (i, at + j, factor * v)).collect() };
     let mut a = form.stiffness.clone();
-    a.extend(&motion.shifted);
-    a.extend(motion.weighed[0].iter().map(|(i, j, v)| (y + i, *j, *v)));
-    a.extend(motion.weighed[1].iter().map(|(i, j, v)| (y + i, y + j, *v)));
     a.extend(moved(&static_part, 0, 1.0));
     a.extend(moved(&gyric(2.0), n, 1.0));
     a.extend(moved(&mass, e, 1.0));

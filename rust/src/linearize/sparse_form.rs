@@ -14,7 +14,6 @@ use nalgebra::DMatrix;
 use crate::constraint::loops::LoopBlocks;
 use crate::constraint::singular_pose::reduction;
 use crate::error::{Error, Result};
-use crate::joint::Coordinate;
 use crate::linalg::entries::{Entries as Collect, Triplets};
 use crate::linalg::matrix::Matrix;
 use crate::linalg::sparse::Csc;
@@ -23,12 +22,13 @@ use crate::linearize::sparse_motion::{Motion, motion};
 use crate::model::tables::{BodyRef, Tables};
 use crate::multibody::System;
 use crate::multibody::assemble::{Effects, Scene};
-use crate::multibody::connector::{Elastic, Wanted, constraint_rows, interaction, load_interaction};
+use crate::multibody::connector::{Elastic, Interaction, Wanted, interaction, load_interaction};
 use crate::multibody::flexible::{Fold, node_rates};
-use crate::multibody::path::{add_tangent, path};
+use crate::multibody::path::{add_tangent, add_wrench, path};
 use crate::multibody::placement::{Placement, State, free_rates, place, place_free};
 use crate::multibody::potential::has_no_potential;
 use crate::multibody::topology::{Purpose, Topology};
+use crate::multibody::tree_joint::TreeJoint;
 use crate::run::Counts;
 use crate::spatial::{Six, V3};
 use crate::tolerances::matrices::{NO_ENERGY, NO_SPRING};
@@ -122,9 +122,7 @@ impl SparseForm {
         let mut unbalanced = (0.0, 0);
         if builder.loaded {
             builder.loads(counts);
-            if motion.is_none() {
-                builder.multipliers(&lam, counts);
-            }
+            builder.joint_forces(&lam, counts);
             unbalanced = builder.unbalanced(&lam, loops.as_ref());
         }
         counts.add("sparse rows", builder.compliance.len() as u64);
@@ -176,16 +174,13 @@ impl SparseForm {
         let topology = &*system.topology;
         let moved = self.bodies(system, x);
         let mut y = vec![0.0; topology.n_tree];
-        let length = system.length;
         for (i, node) in topology.nodes.iter().enumerate().filter(|(_, n)| !n.kind.is_modal()) {
-            let at = &self.placement.pose[i].p;
-            let own = twist(&moved, node.body);
-            let carried = node.parent.map_or_else(Six::zero, |p| {
-                twist(&moved, topology.nodes[p].body).motion_at(&(at - self.placement.pose[p].p))
-            });
-            let columns = &self.placement.column[node.first..node.first + node.n];
-            for (k, v) in along(columns, &(own - carried), length).iter().enumerate() {
-                y[node.first + k] = *v;
+            let joint = TreeJoint::new(topology, &system.geometry, &self.placement, i);
+            let moved =
+                |n: usize| twist(&moved, topology.nodes[n].body).motion_at(&(joint.point - self.placement.pose[n].p));
+            let relative = moved(i) - node.parent.map_or_else(Six::zero, moved);
+            for (k, dual) in joint.duals.iter().enumerate() {
+                y[node.first + k] = dual.dot(&relative);
             }
         }
         for (own, free) in topology.modal.iter().zip(&self.free.modal) {
@@ -201,18 +196,6 @@ impl SparseForm {
 fn twist(x: &[f64], body: usize) -> Six<f64> {
     let at = |k: usize| x[6 * body + k];
     Six::new(V3::new(at(0), at(1), at(2)), V3::new(at(3), at(4), at(5)))
-}
-
-/// Least squares on up to six columns; lengths are measured in the characteristic length.
-fn along(columns: &[Six<f64>], v: &Six<f64>, length: f64) -> Vec<f64> {
-    let weight = |a: &Six<f64>, b: &Six<f64>| a.l.dot(&b.l) / (length * length) + a.a.dot(&b.a);
-    let n = columns.len();
-    let gram = nalgebra::DMatrix::from_fn(n, n, |i, j| weight(&columns[i], &columns[j]));
-    let right = nalgebra::DVector::from_fn(n, |i, _| weight(&columns[i], v));
-    match gram.cholesky() {
-        Some(c) => c.solve(&right).as_slice().to_vec(),
-        None => vec![0.0; n],
-    }
 }
 
 /// Per node of the tree: the acceleration of its centre of mass, and its angular acceleration.
@@ -474,51 +457,41 @@ impl<'a> Builder<'a> {
         }
     }
 
-    /// The stiffness of all forces in joints.
-    fn multipliers(&mut self, lam: &[f64], counts: &mut Counts) {
+    /// The stiffness of all forces in joints; of those that cut joints and further rows carry with the multipliers `lam`.
+    fn joint_forces(&mut self, lam: &[f64], counts: &mut Counts) {
         if !self.free.effects.constraint_force_stiffness {
             return;
         }
-        let mut all = vec![0.0; self.free.topology.rows.len()];
+        let free = &self.free;
+        let mut all = vec![0.0; free.topology.rows.len()];
         for (i, l) in self.row_places().into_iter().zip(lam) {
             all[i] = *l;
         }
-        let mut of_joint = vec![None; self.free.topology.tables.joints.len()];
-        for (i, row) in self.free.topology.rows.iter().enumerate().rev() {
-            if row.purpose == Purpose::Joint {
-                of_joint[row.joint] = Some(i);
-            }
-        }
-        for (joint, rows) in self.tree_multipliers(lam) {
-            if let Some(first) = of_joint[joint] {
-                rows.iter().enumerate().for_each(|(k, (_, l))| all[first + k] = *l);
-            }
-        }
-        let n = self.free.topology.n_tree;
+        let n = free.topology.n_tree;
         let mut made = Triplets::new(n, n);
-        self.free.multiplier_stiffness_into(&all, &mut made, counts);
+        free.multiplier_stiffness_into(&all, &mut made, counts);
+        let mut carried = vec![Six::zero(); free.topology.nodes.len()];
+        for acting in self.carrying(lam) {
+            add_tangent(free.topology, free.placement, &acting, true, &mut self.stiffness, None);
+            add_wrench(free.topology, free.placement, &acting, &mut carried);
+            counts.add("constraint-force stiffness", 1);
+        }
         if let Some(fold) = self.fold.filter(|f| f.is_quadratic()) {
-            fold.add_turned_forces(&self.free.over_columns(self.free.body_wrenches(None)), &mut made);
+            let sums = free.body_wrenches(None).into_iter().zip(carried).map(|(sum, w)| sum - w).collect();
+            fold.add_turned_forces(&free.over_columns(sums), &mut made);
         }
         made.list.into_iter().for_each(|(i, j, v)| self.stiffness.add(i as usize, j as usize, v));
     }
 
-    /// Multipliers of the tree joints from the wrenches of their subtrees, W = -sum lam g.
-    fn tree_multipliers(&self, lam: &[f64]) -> Vec<(usize, Vec<(Coordinate, f64)>)> {
-        let topology = self.tree.topology;
+    /// The wrenches that the joints of the tree carry.
+    fn carrying(&self, lam: &[f64]) -> Vec<Interaction<f64>> {
+        let (topology, geometry, placement) = (self.tree.topology, self.tree.geometry, self.tree.placement);
         let subtree = self.tree.subtree_wrenches(self.tree.body_wrenches(Some(lam)));
-        let mut out = Vec::new();
-        for (i, node) in topology.nodes.iter().enumerate() {
-            let Some(joint) = node.joint else { continue };
-            let coordinates = topology.tables.joints[joint].kind.constraints();
-            let (point, rows) = constraint_rows(topology, self.tree.geometry, self.tree.placement, joint, coordinates);
-            let w = subtree[i].wrench_at(&(point - self.tree.placement.pose[i].p));
-            let w = if node.reversed { w } else { -w };
-            let gradients: Vec<Six<f64>> = rows.into_iter().map(|(_, g)| g).collect();
-            let lam = along(&gradients, &w, 1.0);
-            out.push((joint, coordinates.iter().copied().zip(lam).collect()));
-        }
-        out
+        let joints = (0..topology.nodes.len()).filter(|i| topology.nodes[*i].joint.is_some());
+        let loaded = joints.filter(|i| !subtree[*i].is_absent());
+        let carry =
+            |i: usize| TreeJoint::new(topology, geometry, placement, i).carrying(topology, placement, i, &subtree[i]);
+        loaded.map(carry).collect()
     }
 
     fn unbalanced(&self, lam: &[f64], loops: Option<&LoopBlocks>) -> (f64, usize) {

@@ -5,9 +5,8 @@
 //! x_f' = s x_f + d,   x_f" = s^2 x_f + 2 s d + e,   d = B' z,   e = B" z
 //! ```
 //! and x_f, d, e are carried from body to body, each with the columns of its joint and with their rates. The centre of mass itself moves:
-//! x = T x_f, T' and T" by its velocity and acceleration. With W the wrench of a body and all that it carries, rho_i = S_i . W changes by
-//! S_i . dW + dS_i . W, where what carries the axis turns it: forces in joints need no multipliers here, and none of the forces must be in
-//! balance.
+//! x = T x_f, T' and T" by its velocity and acceleration. The wrenches that the joints carry turn with them in the stiffness
+//! (`multibody::tree_joint`): what is added to them does no work in the coordinates.
 use crate::linearize::sparse_form::Entries;
 use crate::multibody::assemble::Scene;
 use crate::multibody::topology::Topology;
@@ -22,10 +21,6 @@ pub struct Motion {
     pub columns: [Entries; 3],
     /// T' and T" at T = 1
     pub turned: [Entries; 2],
-    /// what the wrench of a body about the fixed point changes by, since its force moves along: over the coordinates of bodies
-    pub shifted: Entries,
-    /// dS_i . W by the body that carries a joint (tree coordinate, column), and by its coordinates before (tree coordinate, the same)
-    pub weighed: [Entries; 2],
 }
 
 /// `accelerations` of the centres of mass, per node of the tree.
@@ -38,11 +33,7 @@ pub fn motion(tree: &Scene<'_, f64>, free: &Topology, accelerations: &[Six<f64>]
         carried: Vec::new(),
         columns: [Vec::new(), Vec::new(), Vec::new()],
         turned: [Vec::new(), Vec::new()],
-        shifted: Vec::new(),
-        weighed: [Vec::new(), Vec::new()],
     };
-    let own = tree.body_wrenches(None);
-    let sums = tree.subtree_wrenches(own.clone());
     for (i, node) in topology.nodes.iter().enumerate() {
         let row = first(i);
         if let Some(p) = node.parent {
@@ -57,10 +48,6 @@ pub fn motion(tree: &Scene<'_, f64>, free: &Topology, accelerations: &[Six<f64>]
                 push(columns, row, d, s);
             }
         }
-        for j in 0..3 {
-            push(&mut out.shifted, row, row + j, &Six::new(V3::zeros(), unit(j).l.cross(&own[i].l)));
-        }
-        weigh(&mut out.weighed, tree, i, node.parent.map(|p| (p, first(p))), &sums[i]);
         let velocity = placement.velocity.as_ref().map_or_else(V3::zeros, |v| v.body[i].l);
         for (turned, along) in out.turned.iter_mut().zip([velocity, accelerations[i].l]) {
             for j in 3..6 {
@@ -69,24 +56,6 @@ pub fn motion(tree: &Scene<'_, f64>, free: &Topology, accelerations: &[Six<f64>]
         }
     }
     out
-}
-
-/// The columns of a node turned by what carries them, times the wrench that they feel.
-fn weigh(out: &mut [Entries; 2], tree: &Scene<'_, f64>, i: usize, parent: Option<(usize, usize)>, wrench: &Six<f64>) {
-    let (topology, placement) = (tree.topology, tree.placement);
-    let node = &topology.nodes[i];
-    let dofs = node.first..node.first + node.n;
-    let stage = |d: usize| topology.dofs[d].freedom.stage;
-    for d in dofs.clone() {
-        let s = &placement.column[d];
-        if let Some((p, column)) = parent {
-            let arm = placement.pose[i].p - placement.pose[p].p;
-            let change = |j: usize| unit(j).motion_at(&arm).cross_motion(s).dot(wrench);
-            out[0].extend((0..6).map(|j| (d, column + j, change(j))).filter(|e| e.2 != 0.0));
-        }
-        let before = dofs.clone().filter(|b| stage(*b) < stage(d));
-        out[1].extend(before.map(|b| (d, b, placement.column[b].cross_motion(s).dot(wrench))).filter(|e| e.2 != 0.0));
-    }
 }
 
 fn unit(j: usize) -> Six<f64> {

@@ -10,6 +10,7 @@
 //! flexible    modal coordinates: their inertia, and the nodes that they move
 //! connector   forces and tangents of elements and constraints
 //! path        the same in tree coordinates, along the way between two bodies
+//! tree_joint  the wrench that a joint of the tree carries, and how it turns
 //! sparse      everything once more in absolute coordinates, for thousands of bodies
 //! constraint  functions of several coordinates as rows
 //! rows        values and Jacobian of all constraint rows
@@ -47,6 +48,7 @@ pub mod remoteness;
 pub mod rotations;
 pub mod topology;
 mod tree;
+pub mod tree_joint;
 pub mod wanted;
 
 use std::sync::{Arc, OnceLock};

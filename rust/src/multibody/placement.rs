@@ -56,7 +56,7 @@ fn inner_outer<T: Real>(pair: &MarkerPair<T>, reversed: bool) -> (&Pose<T>, &Pos
     if reversed { (&pair.b, &pair.a) } else { (&pair.a, &pair.b) }
 }
 
-fn markers<T: Real>(topology: &Topology, geometry: &Geometry<T>, node: &Node) -> (Pose<T>, Pose<T>) {
+pub(crate) fn markers<T: Real>(topology: &Topology, geometry: &Geometry<T>, node: &Node) -> (Pose<T>, Pose<T>) {
     if node.kind.is_modal() {
         let rest = Pose { p: geometry.tips[topology.tip(node)].offset, r: M3::identity() };
         let own = Pose::identity();
