@@ -18,6 +18,7 @@ pytestmark = pytest.mark.skipif(not RUST.is_dir(), reason="an installed package 
 COEFFICIENTS = {
     "integrate/dop853_numbers.rs": "the tableau of a Runge-Kutta method",
     "spatial.rs": "the series of a rotation",
+    "model/layout.rs": "written from the schema of Python, which says what they mean",
 }
 NUMBER = re.compile(r"(?<![\w.])(\d[\d_]*(?:\.[\d_]*)?(?:[eE]-?\d+)?)(?:_?f64)?(?![\w.])")
 SMALL = 1e-3

@@ -14,11 +14,6 @@ pub mod steps;
 
 /// Rank, redundancy and closure of constraints.
 pub mod constraints {
-    /// Relative accuracy of a drawing where the model does not say: lengths over those of their loop, angles in radians.
-    /// Larger: loops that are locked by a small angle move. Smaller: linkages drawn with eight digits are locked.
-    /// Used by `tests/invariance/test_tilted_four_bar.py`.
-    pub const DRAWING: f64 = 1e-7;
-
     /// Rounding of one entry of a constraint row, in units of the sizes of what was subtracted for it, over eps.
     /// Larger: a model far from the origin has doubtful loops. Smaller: rows of rounding lock a door on two hinges.
     /// Used by `tests/invariance/test_rank.py`.
