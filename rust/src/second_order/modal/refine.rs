@@ -8,7 +8,7 @@ use super::quality::{Correction, Quality, Terms, evaluate};
 use crate::linalg::dense::{C, EPS};
 use crate::linalg::double_double::{Dd, matrix_times};
 use crate::run::Counts;
-use crate::tolerances::modes::{SAME_SHAPE, TWICE};
+use crate::tolerances::modes::{AT_REST, SAME_SHAPE, TWICE};
 
 const STEPS: usize = 2;
 
@@ -56,8 +56,6 @@ pub fn refine(terms: &Terms, modes: &mut [RawMode], quality: &mut [Quality], cou
 }
 
 const FOLLOWED: usize = 8;
-/// Relative size of a last step of Newton's method that shows convergence.
-const AT_REST: f64 = 1e-3;
 
 fn set(mode: &mut RawMode, s: C, x: Vec<C>, y: Option<Vec<C>>) {
     (mode.s, mode.x, mode.y) = (s, x, y);
