@@ -248,7 +248,7 @@ pub mod rolling {
 /// Air forces on the sections of blades.
 pub mod aero {
     /// Smallest inflow angle (rad) of an annulus through which the wind still blows. Too large: heavily loaded annuli reverse too early;
-    /// too small: a hovering rotor in a breath of wind is taken for a windmill that blocks it. Pinned by
+    /// too small: a hovering rotor in a breath of wind is taken for a windmill that blocks it. Used by
     /// `a_hovering_rotor_is_an_actuator_disc`.
     pub const SMALLEST_INFLOW: f64 = 1e-6;
 

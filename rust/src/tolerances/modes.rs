@@ -122,8 +122,7 @@ pub const TWICE: f64 = 1e-9;
 pub const CLEARLY_REGULAR: f64 = 1e-8;
 
 /// Smallest eigenvalue in units of the masses, over the largest, from which on nothing asks for rigid modes. The margin is wide since
-/// masses scale these eigenvalues, unlike the test of rank. Larger: time is lost. Smaller: rigid modes get roots of rounding. Pinned by
-/// `slow_poles_far_below_the_fastest_come_from_modes`.
+/// masses scale these eigenvalues, unlike the test of rank. Larger: time is lost. Smaller: rigid modes get roots of rounding.
 pub const FAR_FROM_RIGID: f64 = 1e-7;
 
 /// Size of a Newton step on orthonormal null vectors above which they are kept as they are. Larger: steps of a nearly singular matrix

@@ -101,7 +101,7 @@ pub const COUNT_DOUBT: f64 = 0.3;
 pub const COUNT_PANELS: usize = 400;
 
 /// Part of EPS that the rounding of single entries usually leaves in a root, typical of chains (measured). Larger: estimates are
-/// pessimistic. Smaller: they are too small. Pinned by `test_estimates_of_damped_roots_are_not_pessimistic`, from above.
+/// pessimistic. Smaller: they are too small.
 pub const ENTRY_NOISE: f64 = 0.01;
 /// Distance of a factor from the root whose left vector it gives, over the root. Larger: more steps of inverse iteration. Smaller: a
 /// pivot of zero.
