@@ -167,7 +167,7 @@ def summary(folder: Path) -> str:
     open_ends = {name(c): [d for d in FACTORS if not is_seen(found.get((name(c), d)))] for c in numbers}
     explained = {name(c) for c in numbers if open_ends[name(c)] and set(open_ends[name(c)]) <= reasons(c).keys()}
     seen = sum(not ends for ends in open_ends.values())
-    rest = sorted(cells.keys() - explained, key=lambda n: len(open_ends[n]))
+    rest = sorted((n for n in cells if n not in explained), key=lambda n: len(open_ends[n]))
     heads = ["| number | larger | smaller |", "| --- | --- | --- |"]
     rows = [f"| `{n}` | {' | '.join(map(cell, cells[n]))} |" for n in rest if open_ends[n]]
     whys = [line(c, open_ends[name(c)]) for c in numbers if name(c) in explained]
