@@ -160,21 +160,42 @@ def is_count(constant: Constant) -> bool:
 
 
 def summary(folder: Path) -> str:
-    """How many numbers are seen, and which are not in both directions."""
+    """How many numbers are seen, which are not in both directions, and why where their text says it."""
     found = read(folder / "found.jsonl")
     numbers = [c for c in ALL if not is_count(c)]
-    run = {name(c): [found.get((name(c), d)) for d in FACTORS] for c in numbers if named(c)}
-    seen = {n: sum(f is not None and bool(f.failed) for f in cells) for n, cells in run.items()}
-    both, one, none = (sum(k == count for k in seen.values()) for count in (2, 1, 0))
-    unnamed = [f"`{name(c)}`" for c in numbers if not named(c)]
+    cells = {name(c): [found.get((name(c), d)) for d in FACTORS] for c in numbers if named(c)}
+    open_ends = {name(c): [d for d in FACTORS if not is_seen(found.get((name(c), d)))] for c in numbers}
+    explained = {name(c) for c in numbers if open_ends[name(c)] and set(open_ends[name(c)]) <= reasons(c).keys()}
+    seen = sum(not ends for ends in open_ends.values())
+    rest = sorted((n for n in cells if n not in explained), key=lambda n: len(open_ends[n]))
     heads = ["| number | larger | smaller |", "| --- | --- | --- |"]
-    rows = [f"| `{n}` | {' | '.join(map(cell, run[n]))} |" for n in sorted(run, key=lambda n: -seen[n]) if seen[n] < 2]
-    return (
-        f"{len(run)} of {len(numbers)} numbers name tests: {both} are seen in both directions, {one} in one, {none} in none.\n\n"
-        + folded("\n".join(heads + rows), "not seen in both directions")
-        + "\n\n"
-        + folded(", ".join(unnamed) + ".", f"{len(unnamed)} name no test")
+    rows = [f"| `{n}` | {' | '.join(map(cell, cells[n]))} |" for n in rest if open_ends[n]]
+    whys = [line(c, open_ends[name(c)]) for c in numbers if name(c) in explained]
+    unnamed = [f"`{name(c)}`" for c in numbers if not named(c) and name(c) not in explained]
+    return "\n\n".join(
+        [
+            f"Of {len(numbers)} numbers {seen} are seen in both directions, {len(explained)} as far as a test can see them, "
+            f"{len(rows)} name tests that do not see them in both, {len(unnamed)} name none.",
+            folded("\n".join(heads + rows), "not seen in both directions"),
+            folded("\n".join(whys), f"{len(explained)} that no test can see, or from one side only"),
+            folded(", ".join(unnamed) + ".", f"{len(unnamed)} name no test"),
+        ]
     )
+
+
+def reasons(constant: Constant) -> dict[str, str]:
+    """Why a test cannot see a direction, by direction."""
+    side = {"above": "larger", "below": "smaller"}
+    return {side[place]: why for place, why in constant.unseen.items()}
+
+
+def line(constant: Constant, ends: list[str]) -> str:
+    side = "" if len(ends) == 2 else f" ({ends[0]})"
+    return f"- `{name(constant)}`{side}: {reasons(constant)[ends[0]]}"
+
+
+def is_seen(finding: Finding | None) -> bool:
+    return finding is not None and bool(finding.failed)
 
 
 def cell(finding: Finding | None) -> str:

@@ -1,6 +1,6 @@
 //! Models written as Tables (docs/tables.md), for the integration tests and the benchmarks of the Rust API.
 use mbrs::flag::{HAS_C, HAS_K};
-use mbrs::{BodyRef, BodySpec, DRAWING, ElementKind, ElementSpec, JointKind, JointSpec, Tables};
+use mbrs::{BodyRef, BodySpec, DRAWING_TOLERANCE, ElementKind, ElementSpec, JointKind, JointSpec, Tables};
 
 const UPRIGHT: [f64; 4] = [1.0, 0.0, 0.0, 0.0];
 
@@ -62,7 +62,7 @@ impl Builder {
     }
 
     pub fn tables(self) -> Tables {
-        Tables { tolerance: DRAWING, ..self.0 }
+        Tables { tolerance: DRAWING_TOLERANCE, ..self.0 }
     }
 }
 

@@ -18,6 +18,7 @@ pytestmark = pytest.mark.skipif(not RUST.is_dir(), reason="an installed package 
 COEFFICIENTS = {
     "integrate/dop853_numbers.rs": "the tableau of a Runge-Kutta method",
     "spatial.rs": "the series of a rotation",
+    "model/layout.rs": "written from the schema of Python, which says what they mean",
 }
 NUMBER = re.compile(r"(?<![\w.])(\d[\d_]*(?:\.[\d_]*)?(?:[eE]-?\d+)?)(?:_?f64)?(?![\w.])")
 SMALL = 1e-3
@@ -69,6 +70,12 @@ class Constant:
         functions = re.findall(r"`([a-z]\w+)`", self.text) if "Pinned by" in self.text else []
         return paths, functions
 
+    @property
+    def unseen(self):
+        """Why no test sees the number from above or from below, where its text says that none can."""
+        said = re.findall(r"Not seen(?: from (above|below))?: ([^.]+)\.", self.text)
+        return {side: reason for place, reason in said for side in ([place] if place else ["above", "below"])}
+
 
 def constants():
     for path in HOMES:
@@ -104,6 +111,13 @@ def test_tests_that_numbers_name_exist():
         wrong += [f for f in functions if "_" in f and f"fn {f}(" not in rust and f"def {f}(" not in python]
         absent += [f"{c.group}::{c.name} names {what}" for what in wrong]
     assert not absent, "\n".join(absent)
+
+
+def test_what_is_not_seen_has_a_reason():
+    careless = [f"{c.group}::{c.name}" for c in ALL if c.text.count("Not seen") and not c.unseen]
+    assert not careless, f"say why, 'Not seen: ...' or 'Not seen from above: ...': {careless}"
+    no_side = [f"{c.group}::{c.name}" for c in ALL if len(c.unseen) == 2 and any(c.tests)]
+    assert not no_side, f"name tests and say that none can see them: {no_side}"
 
 
 def test_each_number_is_used():

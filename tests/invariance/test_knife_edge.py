@@ -136,3 +136,21 @@ def test_a_skate_on_a_slope_is_held_by_its_edge_alone_and_says_so(seed):
     eq = mb.equilibrium(m)
     assert np.linalg.norm(eq.reactions["edge"][:3]) == pytest.approx(4.0, rel=1e-9)
     assert "'edge'" in str(eq) and "family" in str(eq)
+
+
+@pytest.mark.parametrize(("share", "one_of_many"), [(1e-8, False), (1e-6, True)])
+def test_an_edge_that_carries_rounding_makes_no_family(share, one_of_many):
+    """A skate on springs along its edge and against turning, pushed across by this share of the force along."""
+    m = mb.Model("held")
+    b = m.body("skate", mass=1.0, inertia=(1, 1, 1), at=(0, 0, 0))
+    m.planar("ice", m.ground, b, at=(0, 0, 0), axis="z")
+    m.knife_edge("edge", m.ground, b, at=(0, 0, 0), axis="y")
+    m.bushing("springs", m.ground, b, at=(0, 0, 0), k=(10.0, 0, 0, 0, 0, 5.0))
+    m.force("push", b, at=(0, 0, 0), value=(1.0, share, 0))
+    modes = mb.modes(m, at=mb.equilibrium(m))
+    if one_of_many:
+        with pytest.raises(mb.MbrsError, match="'edge' holds by a force is one of a family"):
+            mb.sensitivity(modes, "skate.mass")
+    else:  # omega = sqrt(k / m)
+        slope = mb.sensitivity(modes, "skate.mass").frequency[-1, 0]
+        assert slope == pytest.approx(-0.5 * np.sqrt(10.0) / (2 * np.pi), rel=1e-9)

@@ -108,3 +108,14 @@ def test_singular_poses_are_named_and_have_no_modes(family, seed):
     assert re.search(words, said) and re.search(r"joint\d", said)
     with pytest.raises(mb.MbrsError, match=words):
         mb.modes(model)
+
+
+@pytest.mark.exact
+@pytest.mark.parametrize("distance", [1e3, 1e6, 1e7])
+def test_a_door_far_from_the_origin_is_no_doubtful_one(distance):
+    """Two hinges on one axis, where rounding of places is up to a hundredth of the tolerance."""
+    m, axis, at = mb.Model("door"), np.array([0.36, 0.48, 0.8]), distance * np.array([1.0, 0.3, -0.7])
+    door = m.body("door", mass=1.0, inertia=(1, 1, 1), at=at + [0.5, 0, 0])
+    for i in range(2):
+        m.revolute(f"hinge{i}", m.ground, door, at=at + i * axis, axis=axis)
+    assert mb.System(m).dof == 1 and not mb.System(m).doubts

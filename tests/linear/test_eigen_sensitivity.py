@@ -300,9 +300,18 @@ def test_roots_that_rounding_has_parted_are_one_group():
     assert s.error.max() < 1e-10
 
 
-def test_roots_that_differ_are_no_group():
-    """A gap of 1e-6 is far beyond rounding: each mode has a derivative of its own."""
-    modal = modes(MechanicalSystem(np.eye(2), None, np.diag([4.0, 4.0 * (1 + 2e-6)])))
+@pytest.mark.parametrize("gap", [1e-6, 1e-10])
+def test_roots_that_differ_are_no_group(gap):
+    """A gap far beyond rounding: each mode has a derivative of its own."""
+    modal = modes(MechanicalSystem(np.eye(2), None, np.diag([4.0, 4.0 * (1 + 2 * gap)])))
     assert modal.clusters == ()
     s = eigen_sensitivity(modal, dK=[np.diag([1.0, 0.0])])
     np.testing.assert_allclose(s.omega[:, 0], [0.25, 0.0], atol=1e-9)
+
+
+@pytest.mark.parametrize("share, rigid", [(1e-11, True), (1e-9, False)])
+def test_a_rigid_mode_stays_rigid_under_rounding_only(share, rigid):
+    """The spring between two free masses changes, and one to the ground by rounding or not: then the root starts like a root."""
+    modal = modes(MechanicalSystem(np.eye(2), None, [[1.0, -1.0], [-1.0, 1.0]]))
+    found = eigen_sensitivity(modal, dK=[np.array([[1.0 + share, -1.0], [-1.0, 1.0]])]).eigenvalue[0, 0]
+    assert found == 0.0 if rigid else np.isnan(found)

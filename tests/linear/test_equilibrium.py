@@ -408,3 +408,15 @@ def test_rotations_up_to_half_a_turn():
 
 def rotation_matrix(axis, angle):
     return ref.so3.from_quaternion(np.asarray(rotation(axis, angle)))
+
+
+@pytest.mark.parametrize("stiffness", [3e-11, 0.0])
+def test_what_a_weak_spring_holds_is_not_free(stiffness):
+    """Two bodies on a rail, one spring of stiffness one between them and a weak one to the ground."""
+    m = mb.Model("rail")
+    held = m.body("a", mass=1.0, inertia=(1, 1, 1), at=(1, 0, 0))
+    loose = m.body("b", mass=1.0, inertia=(1, 1, 1), at=(2, 0, 0))
+    m.prismatic("held", m.ground, held, at=(1, 0, 0), axis="x", k=stiffness)
+    m.prismatic("loose", m.ground, loose, at=(2, 0, 0), axis="x")
+    m.spring_damper("s", held, loose, at=((1, 0, 0), (2, 0, 0)), k=1.0)
+    assert (mb.equilibrium(m).free_directions == ()) == (stiffness > 0.0)

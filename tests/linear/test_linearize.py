@@ -226,3 +226,33 @@ def test_a_free_turning_stays_rigid_in_a_plane(seed):
     rates = linear.K / np.sqrt(np.outer(np.diag(linear.M), np.diag(linear.M)))
     print(f"largest entry of the hub's row {np.abs(rates[0]).max():.1e}, of all {np.abs(rates).max():.1e} 1/s2")
     assert found.kind[0] == "rigid" and found.eigenvalue[0] == 0.0 and np.all(found.kind[1:] == "vibration")
+
+
+def test_a_soft_spring_of_a_fast_shaft_is_kept():
+    """1e-6 N m/rad on a shaft of 1 kg m2 at 1000 rad/s: terms of inertia are 1e12 times larger, and cancel."""
+    m = mb.Model("shaft")
+    b = m.body("rotor", mass=1.0, inertia=(0.5, 0.5, 1.0), at=(0, 0, 0), angular_velocity=(0, 0, 1000.0))
+    m.revolute("bearing", m.ground, b, at=(0, 0, 0), axis="z", k=1e-6)
+    assert mb.linearize(m).K[0, 0] == pytest.approx(1e-6, rel=1e-3)
+
+
+@pytest.mark.exact
+def test_a_lever_of_some_hundred_last_digits_is_one():
+    """A spring along the x axis but for 1e-13: k_xy = k cos sin."""
+    m = mb.Model("lever")
+    b = m.body("b", mass=1.0, inertia=(1, 1, 1), at=(0, 0, 0))
+    m.free("joint", m.ground, b, at=(0, 0, 0))
+    m.spring_damper("oblique", m.ground, b, at=((1, 1e-13, 0), (0, 0, 0)), k=1.0)
+    assert mb.linearize(m).K[0, 1] == pytest.approx(1e-13, rel=1e-9, abs=0.0)
+
+
+@pytest.mark.exact
+def test_a_spring_that_is_stretched_by_more_than_rounding_is_out_of_balance():
+    """By 1e-13 of its length: nothing else acts, and the model is not where its spring lets it rest."""
+    m = mb.Model("stretched")
+    b = m.body("b", mass=1.0, inertia=(1, 1, 1), at=(1 + 1e-13, 0, 0))
+    m.prismatic("rail", m.ground, b, at=(1, 0, 0), axis="x")
+    m.spring_damper("s", m.ground, b, at=((0, 0, 0), (1 + 1e-13, 0, 0)), k=3.0, length=1.0)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", mb.MbrsWarning)
+        assert mb.linearize(m).status == "off-equilibrium"

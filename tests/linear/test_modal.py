@@ -403,7 +403,7 @@ def test_the_dominant_body_comes_with_its_direction():
 
 def work(C, K):
     """What modes of unit masses count."""
-    return modes(MechanicalSystem(np.eye(2), C, K)).stats.counts
+    return modes(MechanicalSystem(np.eye(len(K)), C, K)).stats.counts
 
 
 @pytest.mark.parametrize("coupling, tried", [(1e-9, True), (1e-7, False)])
@@ -429,3 +429,19 @@ def test_roots_that_nearly_meet_are_told(apart, together):
     """Damping that is critical but for half the square of the distance between the two roots from their mean."""
     for damping in (2.0 - apart**2, 2.0 + apart**2):
         assert modes(MechanicalSystem([[1.0]], [[damping]], [[1.0]])).near_defective.tolist() == [together]
+
+
+@pytest.mark.parametrize("apart, groups", [(1e-9, ((0, 1),)), (1e-7, ())])
+def test_roots_are_repeated_within_a_hundred_millionth_at_most(apart, groups):
+    """Two oscillators beside two that are 1e9 times stiffer: as far as norms tell, rounding moves the slow roots by 1e-6."""
+    C = np.zeros((4, 4))
+    C[2:, 2:] = [[1e3, 4e2], [4e2, 7e3]]
+    assert modes(MechanicalSystem(np.eye(4), C, np.diag([1.0, (1.0 + apart) ** 2, 1e9, 2e9]))).groups == groups
+
+
+@pytest.mark.parametrize("slow, problems", [(1e-5, 1), (1e-7, 2)])
+def test_roots_a_million_times_slower_than_others_come_from_the_reversed_problem(slow, problems):
+    K = np.diag([slow**2, 1.0, 2.0])
+    K[0, 1] = K[1, 0] = 0.1 * slow**2
+    counts = work([[0.1 * slow, 0.0, 0.0], [0.0, 0.1, 0.05], [0.0, 0.05, 0.3]], K)
+    assert counts["general eigensolutions"] == problems

@@ -447,3 +447,33 @@ def test_slow_growth_is_told_from_rounding(growth):
     assert sorted(found.kind) == ["flutter", "vibration"]
     assert ratio == pytest.approx([-growth, growth], rel=0.01)
     assert list(mb.modes(swirl(n, k, cross=0.0)).kind[:2]) == ["vibration"] * 2
+
+
+def bearings(skew, apart):
+    """Bodies on bearings of their own, each by a tenth stiffer than the first, whose stiffness across differs by ``apart`` and couples by
+    ``skew``; it is not symmetric."""
+    m = mb.Model("bearings")
+    for i in range(30):
+        at, k = (i, 0.2, 0.1), np.diag([100.0, 100.0 * (1 + apart), 300.0, 20.0, 30.0, 40.0])
+        k[0, 1], k[1, 0], k[3, 4], k[4, 3] = 100 * skew, -100 * skew, 3.0, 1.0
+        b = m.body(f"b{i}", mass=1.0, inertia=(0.1, 0.1, 0.1), at=at)
+        m.bushing(f"k{i}", m.ground, b, at=at, k=k * (1 + 0.1 * i))
+    return model_modes(m, None, 4, (), time.perf_counter())
+
+
+@pytest.mark.parametrize(("apart", "groups"), [(1e-8, ((0, 1), (2, 3))), (1e-6, ())])
+def test_roots_that_are_nearly_equal_are_repeated(apart, groups):
+    found = bearings(0.0, apart)
+    assert found.groups == groups
+    assert found.eigenvalue[:2] == pytest.approx([10j, 10j * np.sqrt(1 + apart)], rel=1e-10)
+
+
+@pytest.mark.exact
+@pytest.mark.parametrize("skew", [3e-10, 1e-12])
+def test_roots_that_circulation_hardly_parts_are_told_where_they_have_six_digits(skew):
+    """s^2 = -100 (1 +- i skew): left and right vectors are orthogonal but for the skew part, over which rounding is divided."""
+    found = bearings(skew, 0.0)
+    if skew == 1e-12:
+        assert found is None  # all modes are computed then
+    else:
+        assert np.max(found.error) < 1e-6 and np.abs(found.eigenvalue[:2] / 10j - 1).max() < 1e-6

@@ -278,6 +278,67 @@ def test_wrong_input_is_named(call, error, text):
         call(arrays(sp.identity(10)), K)
 
 
+# --- at the bounds of what is told apart
+
+
+def on_weak_spring(stiffness, n=200):
+    """Stretches and stiffnesses of a chain of unit springs and masses, the first spring weak: lambda is nearly stiffness / n."""
+    return springs(n, True), np.r_[stiffness, np.ones(n - 1)]
+
+
+def test_a_chain_on_a_weak_spring_is_not_free():
+    G, k = on_weak_spring(1e-12)
+    r = _core.sparse_modes(arrays(sp.identity(200)), None, arrays(G.T @ sp.diags(k) @ G), 4)
+    assert r["rigid"] == 0 and abs(r["lambda"][0] / (1e-12 / 200) - 1) < 3 * r["error"][0]
+
+
+def test_a_rigid_motion_beside_a_slow_one_is_one_zero_root():
+    """Two damped chains, one free, one on a weak spring: rounding splits the double zero by its root."""
+    n = 40
+    G, k = on_weak_spring(1e-6, n)
+    both = sp.block_diag([G, springs(n, False)])
+    damped = np.r_[0.0, 0.01 * (1 + np.arange(n - 1) % 3)]
+    C = both.T @ sp.diags(np.r_[damped, damped[1:]]) @ both
+    K = both.T @ sp.diags(np.r_[k, np.ones(n - 1)]) @ both
+    r = _core.sparse_modes(arrays(sp.identity(2 * n)), arrays(C), arrays(K), 4)
+    assert r["rigid"] == 1 and r["eigenvalue"][0] == 0.0
+    assert r["eigenvalue"][1].imag == pytest.approx(np.sqrt(1e-6 / n), rel=1e-4)
+
+
+@pytest.mark.parametrize(("least", "refused"), [(-1e-11, True), (-1e-13, False)])
+def test_a_mass_may_be_negative_by_rounding(least, refused):
+    """The least eigenvalue of two masses that are one: rounding of the inertia of a rod about its axis is less than 1e-12 of its size."""
+    n = 100
+    M = sp.lil_matrix(sp.identity(n))
+    M[0, 1] = M[1, 0] = 1.0 - least
+    A = arrays(augmented(springs(n, True), np.ones(n)))
+    if refused:
+        with pytest.raises(_core.CoreSingularError, match="neither positive definite nor semidefinite"):
+            _core.mixed_modes(arrays(M), A, 3)
+        return
+    L = np.linalg.cholesky((springs(n, True).T @ springs(n, True)).toarray())
+    inverse = scipy.linalg.eigvalsh(np.linalg.solve(L, np.linalg.solve(L, M.toarray()).T))[::-1]
+    np.testing.assert_allclose(_core.mixed_modes(arrays(M), A, 3)["lambda"], 1 / inverse[:3], rtol=1e-9)
+
+
+def test_a_stiff_mode_beside_a_constraint_is_a_mode():
+    """All eleven modes of twelve masses in a row, two of them held together; the last spring is 1e10 times stiffer."""
+    n, k = 12, np.r_[np.ones(11), 1e10]
+    both = sp.vstack([springs(n, True), sp.csr_matrix(([1.0, -1.0], ([0, 0], [2, 3])), shape=(1, n))])
+    A = arrays(augmented(both, np.r_[1 / k, 0.0]))
+    assert _core.mixed_modes(arrays(sp.identity(n)), A, 11)["lambda"][-1] == pytest.approx(2e10, rel=1e-6)
+    with pytest.raises(_core.CoreModelError, match="leave 11"):
+        _core.mixed_modes(arrays(sp.identity(n)), A, 12)
+
+
+@pytest.mark.parametrize("values", [[2.0], [1.0, 3.0]])
+def test_oscillators_of_few_kinds(values):
+    """A Krylov space of so few eigenvalues ends at once: what comes then is rounding of it."""
+    K = sp.diags(np.resize(values, 300))
+    r = _core.sparse_modes(arrays(sp.identity(300)), arrays(0.1 * sp.identity(300)), arrays(K), 4)
+    np.testing.assert_allclose(r["eigenvalue"], -0.05 + 1j * np.sqrt(min(values) - 0.05**2), rtol=1e-7)
+
+
 # --- through the public door
 
 

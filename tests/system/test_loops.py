@@ -232,3 +232,19 @@ def test_distance_joints_alone():
             worst = difference(m, advanced(m, np.random.default_rng(0), 0.05))
             show("five rods", worst)
             assert max(worst.values()) < TOLERANCE
+
+
+@pytest.mark.parametrize(("longer", "moves"), [(3e-6, True), (3e-4, False)])
+def test_a_third_parallel_link_may_be_longer_by_thirty_tolerances(longer, moves):
+    """A parallelogram with a link too many, drawn longer by thirty and by three thousand times the tolerance."""
+    m = mb.Model("three")
+    links = [m.body(f"link{i}", mass=1.0, inertia=(0.1,) * 3, at=(i, 0.5, 0)) for i in range(3)]
+    plate = m.body("plate", mass=1.0, inertia=(1, 1, 1), at=(1, 1, 0))
+    for i, link in enumerate(links):
+        m.revolute(f"lower{i}", m.ground, link, at=(i, 0, 0), axis="z")
+        m.revolute(f"upper{i}", link, plate, at=(i, 1 + longer * (i == 1), 0), axis="z")
+    if moves:
+        assert mb.linearize(m).K.shape == (1, 1)
+    else:
+        with pytest.raises(mb.SingularError, match=r"shaky|singular pose"):
+            mb.linearize(m)

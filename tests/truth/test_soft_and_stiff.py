@@ -113,6 +113,16 @@ def test_matrices_with_a_soft_spring_under_stiff_ones(decades):
         honest(mb.modes(mb.MechanicalSystem(np.diag(masses), K=K)), exact_roots(K, masses))
 
 
+@pytest.mark.parametrize("decades", [5, 6])
+def test_soft_roots_of_exact_matrices_keep_their_digits(decades):
+    """Sums of these entries cancel by as many digits, in a quotient of energies too."""
+    for seed in range(4):
+        k, masses = graded(np.random.default_rng([seed, 10 * decades]), decades)
+        K = springs_matrix(np.round(k))
+        found = mb.modes(mb.MechanicalSystem(np.diag(masses), K=K)).omega
+        assert np.sort(found) == pytest.approx(exact_roots(K, masses), rel=1e-13)
+
+
 def alternating(rng, r, n=5):
     """Unit springs between light and heavy masses."""
     size = np.array([1 / r, r] * n)[:n]
@@ -136,6 +146,33 @@ def test_a_model_of_light_and_heavy_masses(r):
         # noise tilts the rails, along which light bodies are then moved by heavy ones
         rel = 1e-10 + 1e3 * jitter.level()
         assert np.sort(mb.modes(rails(k, masses)).omega) == pytest.approx(exact, rel=rel)
+
+
+@pytest.mark.exact
+@pytest.mark.parametrize(("light", "refused"), [(1e-21, False), (1e-26, True)])
+def test_a_body_too_light_to_be_told_from_rounding_is_refused(light, refused):
+    """On a spring, carrying a heavy one: arms and axes are known to 1e-12 at best, masses of what they carry to 1e-24."""
+    k, masses = np.array([1.0, 2.0]), np.array([light, 1.5])
+    if refused:
+        with pytest.raises(mb.SingularError, match="carries no inertia of its own"):
+            mb.modes(rails(k, masses))
+    else:
+        exact = exact_roots(springs_matrix(k, mp.mpf), masses)
+        assert np.sort(mb.modes(rails(k, masses)).omega) == pytest.approx(exact, rel=1e-10)
+
+
+@pytest.mark.parametrize("ratio", [1e4, 1e6])
+def test_a_model_is_solved_from_its_springs_where_the_sum_of_them_is_not_enough(ratio):
+    """Three bodies in a row, the first on a soft bushing: 1e-16 of the ratio is lost in the assembled stiffness."""
+    m, before = mb.Model("row"), None
+    for i in range(3):
+        at = (0.3 * i, 0.2, 0.1 * i)
+        b = m.body(f"b{i}", mass=1.0 + i, inertia=(1.0, 2.0, 2.5), at=at)
+        m.bushing(f"k{i}", before or m.ground, b, at=at, k=(ratio if before else 1.0,) * 6)
+        before = b
+    modes = mb.modes(m)
+    again = "jacobi singular value decompositions" in modes.stats.counts
+    assert again == (ratio > 1e5) and np.max(modes.error) < (1e-13 if again else 1e-9)
 
 
 # --- damped -----

@@ -38,7 +38,19 @@ from .names import GROUND, check_name, not_found, shown
 from .numbers import vector
 from .parameters import ArrayParameter
 from .scene import scene_from_tables
-from .schema import BODY, ELEMENTS, FLEXIBLE_BODY, GRAVITY, JOINTS, LARGEST_TOLERANCE, LOADS, MARKER, UNITS, Kind
+from .schema import (
+    BODY,
+    DRAWING_TOLERANCE,
+    ELEMENTS,
+    FLEXIBLE_BODY,
+    GRAVITY,
+    JOINTS,
+    LARGEST_TOLERANCE,
+    LOADS,
+    MARKER,
+    UNITS,
+    Kind,
+)
 from .tables import tables
 from .units import accepting, converted, has_quantity, labelled, refuse
 
@@ -131,7 +143,11 @@ class Model(Book):
     airs: list[Aerodynamics]
 
     def __init__(
-        self, name: str, gravity: Vector3 | None = None, tolerance: float = 1e-7, units: Literal["SI"] | None = None
+        self,
+        name: str,
+        gravity: Vector3 | None = None,
+        tolerance: float = DRAWING_TOLERANCE,
+        units: Literal["SI"] | None = None,
     ) -> None:
         super().__init__(name)
         if units is not None and not is_word(units, ("SI",)):

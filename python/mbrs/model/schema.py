@@ -49,6 +49,10 @@ SIX = ("x", "y", "z", "rx", "ry", "rz")
 # A drawing less accurate than this share of its size (or angle, rad) is a mistake: with more, any two points coincide. Pinned by the
 # tests of the tolerance.
 LARGEST_TOLERANCE = 0.1
+# Relative accuracy of a drawing where the model does not say: lengths over those of their loop, angles in radians. Larger: loops that are
+# locked by a small angle move. Smaller: linkages drawn with eight digits are locked. Pinned by
+# tests/invariance/test_tilted_four_bar.py (much and little tilt).
+DRAWING_TOLERANCE = 1e-7
 # Bits of joint_flags and element_flags.
 FLAGS = {"HAS_K": 1, "HAS_C": 2, "HAS_PRELOAD": 4, "FRAME_FROM_ORIENTATION": 8, "LENGTH_GIVEN": 16}
 

@@ -25,7 +25,7 @@ from .law_items import SavedCall, SavedFunction, SavedLaw
 from .motions import TYPES, FunctionName, UserFunction, resolve
 from .names import nearest, problem, shown
 from .numbers import shape_of
-from .schema import Kind
+from .schema import DRAWING_TOLERANCE, Kind
 from .shapes import shape_of_table
 from .toml_positions import Places
 from .units import is_quantity
@@ -39,7 +39,6 @@ _TYPED = ("joint", "element", "load")
 _DIGITS = re.compile(r"[0-9][0-9_]{4300,}")
 _LONGEST = 500  # characters of a message
 _REPEATED = 80  # characters of one text of the file in a message
-TOLERANCE = 1e-7  # of `Model`; a file leaves it out
 
 
 def save(book: Book, path: str | Path) -> Path:
@@ -64,7 +63,7 @@ def dumps(book: Any) -> str:
     head: dict[str, Any] = {"name": book.name}
     if book.gravity_item is not None:
         head["gravity"] = book.gravity_item.entries()
-    if book.tolerance != TOLERANCE:
+    if book.tolerance != DRAWING_TOLERANCE:  # the default; a file leaves it out
         head["tolerance"] = book.tolerance
     if book.units is not None:
         head["units"] = book.units

@@ -159,3 +159,47 @@ fn root(function: impl Fn(f64) -> f64, low: f64, high: f64) -> f64 {
     }
     best
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::aero::polar::Polar;
+
+    /// A section of constant coefficients.
+    fn section(lift: f64, drag: f64) -> Polar {
+        let mut pieces = vec![0.0; 12];
+        (pieces[0], pieces[1]) = (lift, drag);
+        Polar::new(vec![-PI, PI], &pieces).unwrap()
+    }
+
+    fn annulus(polar: &Polar, solidity: f64) -> Annulus<'_, f64> {
+        Annulus { airfoil: Airfoil { polars: [polar, polar], share: 0.0 }, twist: 0.0, solidity, loss: [0.0; 2] }
+    }
+
+    #[test]
+    fn thrust_is_that_of_momentum_and_of_buhl_from_two_fifths_on() {
+        let polar = section(0.9, 0.02);
+        let induction = [0.01, 0.02, 0.028, 0.03, 0.035, 0.05].map(|solidity| {
+            let (x, y) = annulus(&polar, solidity).relative_wind(1.0, 6.0);
+            let a = 1.0 - x;
+            let thrust = solidity * x.hypot(y) * (0.9 * y + 0.02 * x);
+            let truth = if a < 0.4 { 4.0 * a * (1.0 - a) } else { (8.0 - 4.0 * a + 14.0 * a * a) / 9.0 };
+            assert!((thrust / truth - 1.0).abs() < 1e-9, "{a}: {thrust} {truth}");
+            a
+        });
+        assert!(induction.is_sorted() && induction[2] > 0.3 && induction[2] < 0.4 && induction[3] > 0.4);
+    }
+
+    #[test]
+    fn a_hovering_rotor_is_an_actuator_disc() {
+        // T = 2 rho A |u| du: u = sqrt(V^2 / 4 + T / (2 rho A)) - V / 2 in a climb at V
+        let (speed, solidity, lift) = (3e3, 1e-6, 0.7);
+        for (sign, climb) in [(1.0, 1e-9), (1.0, 0.3), (-1.0, 1e-9), (-1.0, 0.3)] {
+            let polar = section(-sign * lift, 0.0);
+            let axial = annulus(&polar, solidity).relative_wind(sign * climb, speed).0;
+            let quarter = solidity * lift * speed * speed / 4.0;
+            let truth = sign * ((climb * climb / 4.0 + quarter).sqrt() + climb / 2.0);
+            assert!((axial / truth - 1.0).abs() < 1e-5, "{sign} {climb}: {axial} {truth}");
+        }
+    }
+}

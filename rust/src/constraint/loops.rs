@@ -13,7 +13,7 @@ use crate::multibody::System;
 use crate::multibody::decision::Decision;
 use crate::multibody::topology::{ConstraintRow, Topology};
 use crate::spatial::Real;
-use crate::tolerances::constraints::TIE;
+use crate::tolerances::matrices::TIE;
 
 /// Blocks with more entries are refused: their inverses are dense.
 const LARGEST_BLOCK: usize = 20_000_000;

@@ -20,15 +20,12 @@ use crate::multibody::System;
 use crate::multibody::assemble::Effects;
 use crate::multibody::placement::State;
 use crate::run::{Cancel, Counts};
-use crate::tolerances::equilibrium::{BALANCED, NEARLY_BALANCED, PUSHED, SETTLED, SMALL_STEP};
+use crate::tolerances::equilibrium::{BALANCED, CLOSE, NEARLY_BALANCED, PUSHED, SETTLED, SMALL_STEP};
 
 const MAX_ITERATIONS: usize = 400;
 /// Iterations, and steps that were shortened, after which descent in energy takes over from Newton's method.
 const QUICK: usize = 40;
 const SHORTENED: u64 = 12;
-/// A Newton step, radians or characteristic lengths, so close to the balance that Newton's method is the right one: energies do not
-/// resolve more, and loads without a potential have none.
-const CLOSE: f64 = 1e-3;
 /// What rounding usually leaves of a balance of forces, and of a pose, relative to their sizes.
 const ROUNDING: f64 = 0.05 * f64::EPSILON;
 /// Iterations that a force may push along a direction without stiffness before that is an error.

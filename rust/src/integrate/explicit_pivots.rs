@@ -13,7 +13,7 @@ use nalgebra::DVector;
 
 use crate::error::{Error, Result};
 use crate::multibody::topology::Level;
-use crate::tolerances::constraints::TIE;
+use crate::tolerances::matrices::TIE;
 
 use super::Equations;
 use crate::linalg::matrix::Matrix;

@@ -5,7 +5,7 @@
 use nalgebra::{DMatrix, RowDVector};
 
 use crate::linalg::matrix::Matrix;
-use crate::tolerances::constraints::TIE;
+use crate::tolerances::matrices::TIE;
 
 /// Which rows are asked for: those that say where things are, or all.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

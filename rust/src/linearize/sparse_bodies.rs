@@ -19,7 +19,7 @@ use crate::second_order::modal::{Kind, Modal, modes as dense_modes};
 use crate::second_order::sparse_general::{self, GeneralModes, Problem};
 use crate::second_order::sparse_modal::lowest;
 use crate::second_order::sparse_pencil::{Mixed, Pencil, ShiftInvert};
-use crate::tolerances::sparse_modes::{GROWS, RESOLVED, SAME_ROOT};
+use crate::tolerances::sparse_modes::{GROWS, INSIDE, RESOLVED, SAME_ROOT};
 
 /// Rounds of widening, and the estimated error of an eigenvalue at which they stop.
 const ROUNDS: usize = 6;
@@ -434,7 +434,7 @@ impl<'a> Subspace<'a> {
         }
         let after = norm(&w);
         // the remainder of a vector that is nearly inside the space is noise
-        if after.is_nan() || after <= 1e-3 * before {
+        if after.is_nan() || after <= INSIDE * before {
             return;
         }
         w *= faer::Scale(1.0 / after);

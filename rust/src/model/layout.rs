@@ -4,6 +4,8 @@
 
 /// What `tolerance` of a model must stay below.
 pub const LARGEST_TOLERANCE: f64 = 0.1;
+/// `tolerance` of a model that does not say.
+pub const DRAWING_TOLERANCE: f64 = 1e-07;
 
 /// Bits of `flags` of joints and elements.
 pub mod flag {

@@ -20,12 +20,9 @@ use crate::linalg::hessenberg::Hessenberg;
 use crate::linalg::quadratic::{Factored, NormalForm};
 use crate::run::{Cancel, Counts};
 use crate::tolerances::frequency_response::{
-    ACCEPTED, ALL_MODES, BAND_FIRST, FEW, MOST_PORTS, SAME_POLE, SLOWEST_CHECK, WORST_ACCEPTED, WORST_VECTORS,
-    ZERO_ENTRY,
+    ACCEPTED, ALL_MODES, BAND_FIRST, FEW, MOST_PORTS, REFINEMENTS, SAME_POLE, SLOWEST_CHECK, WORST_ACCEPTED,
+    WORST_VECTORS, ZERO_ENTRY,
 };
-
-/// Corrections of a direct solution.
-const REFINEMENTS: usize = 3;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Route {

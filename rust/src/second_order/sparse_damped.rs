@@ -14,7 +14,7 @@ use crate::linalg::sparse::{Csc, Factor, Lu};
 use crate::run::{Cancel, Counts};
 use crate::tolerances::matrices::STIFFNESS_PIVOT;
 use crate::tolerances::modes::PATIENCE;
-use crate::tolerances::sparse_modes::{BESIDE, ENTRY_NOISE, RIGID_PAIR, SAME_DAMPED};
+use crate::tolerances::sparse_modes::{ANOTHER_RIGID, BESIDE, ENTRY_NOISE, RIGID_PAIR, SAME_DAMPED};
 
 pub struct DampedModes {
     /// the roots with Im s >= 0 nearest to the shift, ascending in |s|; a rigid motion counts once, as 0, each other real root
@@ -321,7 +321,7 @@ fn merge_rigid(system: &Damped, s: Vec<c64>, shape: Mat<c64>, sigma: f64) -> (Ve
             }
             let norm = product(&x, &x).sqrt();
             // shapes of a double root are right to about the root of the precision only
-            if norm > 1e-3 {
+            if norm > ANOTHER_RIGID {
                 x *= faer::Scale(1.0 / norm);
                 rigid.push(x);
             }

@@ -11,7 +11,7 @@ use crate::linalg::sparse::Csc;
 use crate::run::{Cancel, Counts};
 use crate::tolerances::modes::{BISECTIONS, DATA_ROUNDING, PATIENCE, SEMIDEFINITE};
 use crate::tolerances::sparse_modes::{
-    CONSTRAINED, ELASTIC, FIRST_SHIFT, GAP, RIGID, RIGID_BY_STRAINS, SAME_VALUE, SOFT, SUM_ROUNDING,
+    CONSTRAINED, COUNT_MARGIN, ELASTIC, FIRST_SHIFT, GAP, RIGID, RIGID_BY_STRAINS, SAME_VALUE, SOFT, SUM_ROUNDING,
 };
 
 /// Share of eps |K|/|M| that the rounding of an assembled K moves its eigenvalues by, typical of chains (measured).
@@ -276,7 +276,7 @@ fn missed(pencil: &impl Pencil, ritz: &Ritz, wanted: usize, sigma: f64, counts: 
     let total = ritz.value.iter().take_while(|v| v.norm() > 0.0).count();
     let cut = (1..=wanted.min(total)).rev().find(|c| *c == total || distance(*c) > distance(c - 1) * (1.0 + GAP))?;
     let gap = if cut < total { distance(cut) - distance(cut - 1) } else { f64::INFINITY };
-    let radius = distance(cut - 1) + (0.5 * gap).min(1e-3 * distance(cut - 1));
+    let radius = distance(cut - 1) + (0.5 * gap).min(COUNT_MARGIN * distance(cut - 1));
     counts.add("inertia counts", 2);
     let above = pencil.count_below(sigma + radius)?;
     let below = pencil.count_below(sigma - radius)?;

@@ -1,16 +1,21 @@
 //! Transfer functions: routes, poles, what peaks show.
 
 /// A route of evaluation is taken where it agrees with refined direct solutions this well, or as well as unrefined ones do. Larger: digits
-/// are given away. Smaller: the slow route is taken.
-/// Pinned by `critical_damping_falls_back_to_hessenberg`, from below.
+/// are given away. Smaller: the slow route is taken. Pinned by `critical_damping_falls_back_to_hessenberg`, from below. Not seen from
+/// above: sums over modes keep 1e-12 or lose far more.
 pub const ACCEPTED: f64 = 1e-11;
-/// Even where unrefined solutions are worse than this.
+/// Even where unrefined solutions are worse than this. Larger: routes are taken that lose digits. Smaller: the slow route is taken. Pinned
+/// by tests/truth/test_graded_frf.py, from above. Not seen from below: only speed depends on it.
 pub const WORST_ACCEPTED: f64 = 1e-9;
 
 /// Up to so many frequencies are solved directly and refined, which keeps every digit of every entry. Larger: time is lost. Smaller: single
 /// values have the digits that modes keep.
 /// Pinned by `few_frequencies_are_solved_directly`.
 pub const FEW: usize = 8;
+
+/// Corrections of a direct solution. Smaller: the digits that other routes are held against are those of a solution without corrections.
+/// Larger: time is lost.
+pub const REFINEMENTS: usize = 3;
 
 /// Inputs and outputs whose entries are compared one by one; of more, so many, evenly. Larger: the check takes as long as what it checks.
 /// Smaller: the entries of many ports are judged by the largest of them.

@@ -15,6 +15,12 @@ pub const ASYMMETRY: f64 = 1e-10;
 /// Pinned by `test_a_bushing_that_is_symmetric_to_rounding_has_an_energy`.
 pub const NO_ENERGY: f64 = 1e-12;
 
+/// Sizes within this of the largest count as equal, so that neither rounding nor units choose a pivot, or the sign and the rows that a
+/// shape is told by: the first is taken. Larger: short pivots, and smaller components decide. Smaller: rounding decides. A choice, never
+/// an answer, depends on it.
+/// Pinned by `of_equal_components_the_first_is_the_largest`.
+pub const TIE: f64 = 1e-6;
+
 /// Eigenvalues of one spring below this part of its largest are directions in which it does not act. Larger: weak directions are
 /// lost. Smaller: rounding holds what is free.
 pub const NO_SPRING: f64 = 1e-14;
@@ -36,8 +42,8 @@ pub const STIFFNESS_PIVOT: f64 = 1e-12;
 /// counts of a wrong factor pass. Smaller: counts of crowded spectra are refused.
 pub const INERTIA_RESIDUAL: f64 = 1e-11;
 
-/// Without pivots L D L^T needs a negative diagonal under constraint rows, this part of the others; refinement takes it out again. Only
-/// speed depends on it.
+/// Without pivots L D L^T needs a negative diagonal under constraint rows, this part of the others; refinement takes it out again. Not
+/// seen: only speed depends on it.
 pub const QUASI_DEFINITE: f64 = 1e-7;
 
 /// Residual of a row over the sum of its absolute terms that is no more than rounding: the solution is that of a matrix whose entries differ

@@ -1,7 +1,8 @@
 //! Every number that decides something: its meaning, its unit, and what goes wrong when it is too large or too small.
 //!
 //! "Pinned by": a test fails at a hundred times the number and at a hundredth of it, or on one of these sides. "Used by": tests
-//! of what it decides, which pass at both. `benches/tolerances.py` tells which, and on which side.
+//! of what it decides, which pass at both. "Not seen": why no test can tell, from above and below or from one of them.
+//! `benches/tolerances.py` tells which, and on which side.
 
 pub mod frequency_response;
 pub mod matrices;
@@ -14,14 +15,9 @@ pub mod steps;
 
 /// Rank, redundancy and closure of constraints.
 pub mod constraints {
-    /// Relative accuracy of a drawing where the model does not say: lengths over those of their loop, angles in radians.
-    /// Larger: loops that are locked by a small angle move. Smaller: linkages drawn with eight digits are locked.
-    /// Used by `tests/invariance/test_tilted_four_bar.py`.
-    pub const DRAWING: f64 = 1e-7;
-
-    /// Rounding of one entry of a constraint row, in units of the sizes of what was subtracted for it, over eps.
-    /// Larger: a model far from the origin has doubtful loops. Smaller: rows of rounding lock a door on two hinges.
-    /// Used by `tests/invariance/test_rank.py`.
+    /// Rounding of one entry of a constraint row, in units of the sizes of what was subtracted for it, over eps. Larger: a model far from
+    /// the origin has doubtful loops. Smaller: rows of rounding lock a door on two hinges. Pinned by
+    /// `test_a_door_far_from_the_origin_is_no_doubtful_one`, from below.
     pub const ENTRY_ROUNDING: f64 = 4.0;
 
     /// Singular values between the tolerance and this many times it make a constraint that is named as doubtful.
@@ -44,19 +40,15 @@ pub mod constraints {
     /// Used by `tests/invariance/test_tilted_four_bar.py`.
     pub const REDUNDANT_OPEN: f64 = 1e2;
 
-    /// Second-order form of a redundant combination on the motions that the rows leave free, over the tolerance of the drawing, from
-    /// which on its pose is singular: there the constraints part like the square of the way. Larger: bifurcations are linearised.
-    /// Smaller: linkages that are drawn inaccurately are called singular. Used by `tests/system/test_loops.py`.
+    /// Second-order form of a redundant combination on the motions that the rows leave free, over the tolerance of the drawing, from which
+    /// on its pose is singular: there the constraints part like the square of the way. Larger: bifurcations are linearised. Smaller:
+    /// linkages that are drawn inaccurately are called singular. Pinned by `test_a_third_parallel_link_may_be_longer_by_thirty_tolerances`.
     pub const SINGULAR_POSE: f64 = 1e2;
 
     /// Length of the look beside a drawn pose, in lengths of the loop or radians, by which a pose of lower rank is seen.
     /// Larger: the way back to the constraints is long. Smaller: the second-order part of a change point drowns in the tolerance.
     /// Used by `tests/invariance/test_rank.py`.
     pub const PROBE: f64 = 1e-2;
-
-    /// Rows that are as long as the longest but for this part are equally good pivots: the first is taken, so that neither rounding nor
-    /// units choose. Larger: short pivots. Smaller: rounding chooses. A choice, never an answer, depends on it.
-    pub const TIE: f64 = 1e-6;
 
     /// Rows are closed when smaller than this, over the length of their loop or in radians.
     /// Larger: states are less accurate than they could be. Smaller: Newton's method circles in rounding.
@@ -94,8 +86,8 @@ pub mod coordinates {
 /// Static equilibrium.
 pub mod equilibrium {
     /// Stiffness below this part of the largest of its island counts as none. Coordinates that are held softly are stretched before.
-    /// Larger: soft springs do not hold. Smaller: rounding holds what nothing restrains.
-    /// Used by tests/truth/test_soft_and_stiff.py (hanging chains) and tests/linear/test_equilibrium.py.
+    /// Larger: soft springs do not hold. Smaller: rounding holds what nothing restrains. Pinned by
+    /// `test_what_a_weak_spring_holds_is_not_free`, from above.
     pub const NO_STIFFNESS: f64 = 1e-12;
 
     /// A force along a direction without stiffness, over the size of the forces in its island, that moves it; left over along any
@@ -115,18 +107,19 @@ pub mod equilibrium {
     /// stiffness does. Smaller: springs of very different stiffness drown each other. Used by tests/truth/test_soft_and_stiff.py.
     pub const GRADED: f64 = 1e-6;
 
-    /// Rounding of a force or of an entry of the stiffness, in units of the sizes of what was added up for it and of the distance from
-    /// the origin, over eps. Larger: the search ends early. Smaller: models far from the origin have no equilibrium.
-    /// Pinned by tests/invariance/test_same_equilibrium.py (moved).
+    /// Rounding of a force or of an entry of the stiffness, in units of the sizes of what was added up for it and of the distance from the
+    /// origin, over eps. Larger: the search ends early. Smaller: models far from the origin have no equilibrium. Pinned by
+    /// tests/linear/test_equilibrium_estimate.py, from below.
     pub const ENTRY_ROUNDING: f64 = 4.0;
 
     /// Force that velocity rows which steer carry, over the size of the forces in its island, from which on a place is one of a family.
-    /// Larger: the place of a family is followed. Smaller: the accuracy of an equilibrium refuses its derivatives.
-    /// Used by tests/invariance/test_knife_edge.py.
+    /// Larger: the place of a family is followed. Smaller: the accuracy of an equilibrium refuses its derivatives. Pinned by
+    /// `test_an_edge_that_carries_rounding_makes_no_family`.
     pub const FAMILY: f64 = 1e-7;
 
     /// A full step from a state whose unbalance may be rounding goes on if it leaves less than this part. Larger: steps in rounding.
-    /// Smaller: digits are given away. Pinned by tests/invariance/test_same_equilibrium.py (moved).
+    /// Smaller: digits are given away. Pinned by tests/linear/test_equilibrium_estimate.py, from above. Not seen from below: the digits are
+    /// those of rounding.
     pub const SETTLED: f64 = 0.5;
 
     /// Skew part of the stiffness, over its island, that forces without an energy make. Larger: searches by energy go the wrong way. Smaller:
@@ -138,16 +131,18 @@ pub mod equilibrium {
     /// Pinned by `test_a_stiffness_that_is_negative_by_rounding_does_not_fall`.
     pub const FALLS: f64 = 1e-9;
 
-    /// Unbalance, free of units, and step, in characteristic lengths or radians, that end the search: either alone at rounding; both together.
-    /// Larger: digits are given away. Smaller: steps in rounding.
+    /// Unbalance, free of units, and step, in characteristic lengths or radians, that end the search: either alone at rounding; both
+    /// together. Larger: digits are given away. Smaller: steps in rounding. Pinned by
+    /// `test_a_chain_that_hangs_on_a_soft_spring_above_stiff_ones`, from below.
     pub const BALANCED: f64 = 1e-14;
-    /// See `BALANCED`.
+    /// See `BALANCED`. Pinned by `test_a_rod_drawn_level_falls_and_hangs`, from above. Not seen from below: a step more is made.
     pub const NEARLY_BALANCED: f64 = 1e-11;
-    /// See `BALANCED`.
+    /// See `BALANCED`; also the shortest step of a descent, where larger gives narrow valleys up.
     pub const SMALL_STEP: f64 = 1e-9;
 
-    /// Shortest step of a descent, in characteristic lengths or radians. Larger: narrow valleys are given up. Smaller: steps in rounding.
-    pub const SHORTEST_DESCENT: f64 = 1e-9;
+    /// Newton's step, in characteristic lengths or radians, from which on a slow search may descend in energy instead. Larger: loads
+    /// without a potential and energies of rounding are descended in. Smaller: Newton's method goes to and fro.
+    pub const CLOSE: f64 = 1e-3;
 
     /// What rounding leaves of an energy, over the sum of the sizes of its terms. Larger: steps that rise pass. Smaller: steps at the bottom
     /// fail by rounding.
@@ -162,16 +157,17 @@ pub mod linearisation {
     pub const ENTRY: f64 = 8.0;
 
     /// Entries above this share of the natural size of their row and column cannot be rounding: then no sizes are added up. Too small:
-    /// rounding stays. Too large: work without need; no entry changes. Pinned by the same tests.
+    /// rounding stays. Too large: work without need. Not seen: no entry changes in models whose rounding is below it.
     pub const CLEAR: f64 = 1e-10;
 
     /// Rounding of a few dozen terms of inertia that cancel, relative to their size. Too small: the turning of a shaft is held by a
-    /// stiffness of rounding. Too large: soft supports of fast shafts are lost. Pinned by tests/truth/test_steady_rotation.py, from below.
+    /// stiffness of rounding. Too large: soft supports of fast shafts are lost. Pinned by tests/truth/test_steady_rotation.py, from below,
+    /// and by `test_a_soft_spring_of_a_fast_shaft_is_kept`, from above.
     pub const CANCELLED: f64 = 1e-14;
 
     /// Multiple of eps times the size of its terms below which an entry of a strain row is rounding of poses and axes, beside one for each
-    /// body. Too small: a coordinate that no element strains counts as held. Too large: weak levers are lost.
-    /// Used by tests/truth/test_graded_modes.py (rows on arbitrary axes).
+    /// body. Too small: a coordinate that no element strains counts as held. Too large: weak levers are lost. Pinned by
+    /// `test_a_lever_of_some_hundred_last_digits_is_one`, from above.
     pub const POSE_ROUNDING: f64 = 32.0;
 
     /// The same of poses in closed loops, which carry the tolerance of their closure.
@@ -187,7 +183,8 @@ pub mod linearisation {
     pub const VELOCITY_CORRECTED: f64 = 1e-9;
 
     /// Displacements below this, in characteristic lengths or radians, do not count as strains where forces are called small. Larger: weak
-    /// forces of soft springs are small. Smaller: rounding of places is a force.
+    /// forces of soft springs are small. Smaller: rounding of places is a force. Pinned by
+    /// `test_a_spring_that_is_stretched_by_more_than_rounding_is_out_of_balance`, from above.
     pub const UNRESOLVED: f64 = 1e-8;
 }
 
@@ -251,11 +248,13 @@ pub mod rolling {
 /// Air forces on the sections of blades.
 pub mod aero {
     /// Smallest inflow angle (rad) of an annulus through which the wind still blows. Too large: heavily loaded annuli reverse too early;
-    /// too small: a hovering rotor in a breath of wind is taken for a windmill that blocks it.
-    /// Used by tests/aero/test_momentum.py.
+    /// too small: a hovering rotor in a breath of wind is taken for a windmill that blocks it. Used by
+    /// `a_hovering_rotor_is_an_actuator_disc`.
     pub const SMALLEST_INFLOW: f64 = 1e-6;
 
-    /// k = a / (1 - a) at the axial induction a = 0.4 above which Buhl's parabola, which meets momentum theory there, replaces it.
+    /// k = a / (1 - a) at the axial induction a = 0.4 above which Buhl's parabola, which meets momentum theory there, replaces it. Larger:
+    /// momentum theory is used where the wake is turbulent. Smaller: the parabola where momentum theory holds. Pinned by
+    /// `thrust_is_that_of_momentum_and_of_buhl_from_two_fifths_on`.
     pub const HIGH_LOAD: f64 = 2.0 / 3.0;
 
     /// Steps of the search for an inflow angle that bisects every third. A count. Too small: roots are cut off; too large: nothing.
@@ -277,6 +276,6 @@ pub mod sensitivity {
 /// Many designs of one model at once.
 pub mod designs {
     /// Points nearer to each other than this part of their distances from the origin are checked one model at a time. Larger: time is lost.
-    /// Smaller: a collapsed element is seen late. The same errors come from both.
+    /// Smaller: a collapsed element is seen late. Not seen: the same errors come from both.
     pub const NEARLY_COLLAPSED: f64 = 1e-6;
 }

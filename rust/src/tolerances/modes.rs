@@ -5,9 +5,9 @@
 /// and soft modes are called rigid. Pinned by tests/truth/test_graded_modes.py (errors against 50 digits, rigid or soft).
 pub const DATA_ROUNDING: f64 = 4.0;
 
-/// Relative error of a squared frequency (algorithm only) above which the expensive route is taken: factors, Jacobi's singular
-/// values, residuals in twice the precision. Too large: roots lose digits that the matrices hold. Too small: only time is lost.
-/// Pinned by tests/truth/test_graded_modes.py.
+/// Relative error of a squared frequency (algorithm only) above which the expensive route is taken: factors, Jacobi's singular values,
+/// residuals in twice the precision. Too large: roots lose digits that the matrices hold. Too small: time is lost. Pinned by
+/// tests/truth/test_graded_modes.py, from above. Not seen from below: only time depends on it.
 pub const SHARP: f64 = 1e-12;
 
 /// Two roots whose distance is below this share of their geometric mean are rotated together (Rayleigh-Ritz) instead of divided
@@ -53,19 +53,19 @@ pub const PATIENCE: usize = 15;
 /// Bisections by inertia counts for that shift, at most: the range of 2^-50 of the largest eigenvalue is below rounding.
 pub const BISECTIONS: usize = 50;
 
-/// Part of each diagonal entry of M that is added before its factorisation is asked whether M is semidefinite: rounding of the
-/// inertia of a rod about its own axis stays below. Too small: rods are refused. Too large: negative masses pass. Used by
-/// tests/truth/test_crowded_modes.py (point masses and rods).
+/// Part of each diagonal entry of M that is added before its factorisation is asked whether M is semidefinite: rounding of the inertia of a
+/// rod about its own axis stays below. Too small: rods are refused. Too large: negative masses pass. Pinned by
+/// `test_a_mass_may_be_negative_by_rounding`.
 pub const SEMIDEFINITE: f64 = 1e-12;
 
-/// What a factor of M holds of a coordinate beyond the others, over the length of its column, that is rounding of arms: the coordinate
-/// then has no inertia of its own. A share of 1e-12 of a column is 1e-24 of a mass. Larger: light bodies on heavy ones are refused.
-/// Smaller: roots of rounding. Used by tests/truth/test_soft_and_stiff.py and tests/linear/test_bad_input.py.
+/// What a factor of M holds of a coordinate beyond the others, over the length of its column, that is rounding of arms: the coordinate then
+/// has no inertia of its own. A share of 1e-12 of a column is 1e-24 of a mass. Larger: light bodies on heavy ones are refused. Smaller:
+/// roots of rounding. Pinned by `test_a_body_too_light_to_be_told_from_rounding_is_refused`.
 pub const MASSLESS: f64 = 1e-12;
 
 /// Sum of the sizes of the terms of a Rayleigh quotient over its value from which on it is taken in twice the precision. Below, its
-/// rounding is part of the error of the data. Too small: work. Too large: soft modes of matrices lose digits that the entries hold.
-/// Used by tests/truth/test_graded_modes.py.
+/// rounding is part of the error of the data. Too small: work. Too large: soft modes of matrices lose digits that the entries hold. Pinned
+/// by `test_soft_roots_of_exact_matrices_keep_their_digits`, from above. Not seen from below: only time depends on it.
 pub const CANCELLING: f64 = 1e5;
 
 /// Relative strain of a rigid mode that cannot be rounding of its shape. Too small: the factor of the stiffness is made once more than
@@ -73,16 +73,18 @@ pub const CANCELLING: f64 = 1e5;
 pub const STRAINED: f64 = 1e-9;
 
 /// Relative error of an assembled model's frequency from which on the factor of its stiffness is worth a second solution. Too small:
-/// ordinary models are solved twice. Too large: soft modes keep the rounding of stiff springs. Used by
-/// tests/truth/test_graded_modes.py.
+/// ordinary models are solved twice. Too large: soft modes keep the rounding of stiff springs. Pinned by
+/// `test_a_model_is_solved_from_its_springs_where_the_sum_of_them_is_not_enough`.
 pub const GRADED: f64 = 1e-9;
 
 /// Roots that a symmetry makes equal come out this far apart: positions and closed loops carry some rounding. Derivatives treat them as
-/// one. Larger: roots that differ lose their own derivatives. Smaller: derivatives of rounding's choice of shapes.
+/// one. Larger: roots that differ lose their own derivatives. Smaller: derivatives of rounding's choice of shapes. Pinned by
+/// `test_roots_that_rounding_has_parted_are_one_group` and `test_roots_that_differ_are_no_group`.
 pub const SAME_ROOT: f64 = 1e-11;
 
-/// A smaller pivot of M means that M is ill-conditioned: light bodies are lost in the rounding of heavy ones. Then a factor of M is
-/// used. Too small: light bodies keep that rounding. Too large: only time is lost. Pinned by tests/truth/test_soft_and_stiff.py.
+/// A smaller pivot of M means that M is ill-conditioned: light bodies are lost in the rounding of heavy ones. Then a factor of M is used.
+/// Too small: light bodies keep that rounding. Too large: time is lost. Pinned by tests/truth/test_soft_and_stiff.py, from below. Not seen
+/// from above: only time depends on it.
 pub const LIGHTEST: f64 = 1e-5;
 
 /// |psi^T Q'(s) phi| relative to its terms, below which a root counts as near-defective: two roots of one mode then agree to about this,
@@ -91,14 +93,24 @@ pub const LIGHTEST: f64 = 1e-5;
 /// Pinned by `test_roots_that_nearly_meet_are_told`.
 pub const NEAR_DEFECTIVE: f64 = 1e-6;
 
-/// Roots further apart than this, over their size, are never called repeated, however badly conditioned they are. Larger: distinct
-/// roots share a shape. Smaller: the two of a defect, which part like the root of rounding, are called distinct.
+/// Roots further apart than this, over their size, are never called repeated, however badly conditioned they are. Larger: distinct roots
+/// share a shape. Smaller: the two of a defect, which part like the root of rounding, are called distinct. Pinned by
+/// `test_roots_are_repeated_within_a_hundred_millionth_at_most`.
 pub const CLOSEST: f64 = 1e-8;
 
 /// Separation of a root (as of `NEAR_DEFECTIVE`) below which a first-order correction says nothing. Larger: corrections are left
 /// out that would gain digits. Smaller: corrections of rounding.
 /// Pinned by `roots_that_are_hardly_separated_are_not_corrected`.
 pub const SEPARATED: f64 = 1e-4;
+
+/// First-order change of a root, over it, that is no correction any more. Larger: roots move by what the first order does not know.
+/// Smaller: corrections are left out that would gain digits.
+/// Pinned by `large_steps_are_no_corrections`.
+pub const LARGEST_CORRECTION: f64 = 1e-3;
+
+/// Last step of Newton's method, over the root, that shows convergence. Larger: roots that wander count as found. Smaller: roots at
+/// defects, where the steps do not get small, stay as inaccurate as they were.
+pub const AT_REST: f64 = 1e-3;
 
 /// Relative distance of two roots with one shape that Newton's method has led to one place. Larger: close roots are called one.
 /// Smaller: a root is told twice.
@@ -117,25 +129,22 @@ pub const FAR_FROM_RIGID: f64 = 1e-7;
 /// are followed. Smaller: rounding stays in null vectors whose entries differ by orders.
 pub const NULL_STEP: f64 = 1e-6;
 
-/// Roots of less modulus than this share of |A| come from the reversed problem, where they are the large ones. Larger: work is
-/// done twice. Smaller: small roots keep the rounding of the large ones.
+/// Roots of less modulus than this share of |A| come from the reversed problem, where they are the large ones. Larger: work is done twice.
+/// Smaller: small roots keep the rounding of the large ones. Pinned by
+/// `test_roots_a_million_times_slower_than_others_come_from_the_reversed_problem`.
 pub const BLURRED: f64 = 1e-6;
 
-/// Moduli within this of the largest count as equal, so that the sign and the rows that a shape is told by do not hang on rounding.
-/// Larger: a smaller component decides. Smaller: rounding decides. A choice, never an answer, depends on it.
-/// Pinned by `of_equal_components_the_first_is_the_largest`.
-pub const TIE: f64 = 1e-6;
-
 /// Real part of the component that decides the sign of a shape, over its modulus, below which its imaginary part decides. A choice, as
-/// `TIE`.
+/// `matrices::TIE`. Not seen: both signs are shapes.
 pub const IMAGINARY: f64 = 1e-9;
 
-/// Imaginary parts of a shape, over their components (these counted as a thousandth of the shape at least), below which the shape is
-/// real. Larger: complex shapes are normalised as real ones. Smaller: rounding makes real shapes complex.
+/// Imaginary parts of a shape, over its largest component, below which the shape is real. Larger: complex shapes are normalised as real
+/// ones. Smaller: rounding makes real shapes complex. Not seen: the two normalisations of a shape that is real to so many digits agree to
+/// as many.
 pub const REAL_SHAPE: f64 = 1e-12;
 
-/// |x^T A x| over the largest |x^T A y| of a group below which x is isotropic to rounding and is mixed with another of the group.
-/// Larger: bases turn for nothing. Smaller: vectors are divided by rounding. Both are bases of one space.
+/// |x^T A x| over the largest |x^T A y| of a group below which x is isotropic to rounding and is mixed with another of the group. Larger:
+/// bases turn for nothing. Smaller: vectors are divided by rounding. Not seen: both are bases of one space.
 pub const ISOTROPIC: f64 = 1e-4;
 
 /// Relative commutator of stiffness and damping above which damping is not proportional, before any eigenproblem is solved. Larger: an
@@ -149,7 +158,7 @@ pub const COMMUTING: f64 = 1e-8;
 pub const NEUTRAL: f64 = 1e-10;
 
 /// Change of a rigid mode's stiffness by a parameter, over its terms, below which the mode stays rigid. Larger: soft springs that hold a
-/// mode have no derivative. Smaller: rounding holds it.
+/// mode have no derivative. Smaller: rounding holds it. Pinned by `test_a_rigid_mode_stays_rigid_under_rounding_only`.
 pub const STILL_RIGID: f64 = 1e-10;
 
 /// Part by which the square of an entry must exceed the product of its diagonal entries for no semidefinite matrix to have it.

@@ -3,11 +3,16 @@
 /// Residual of a Ritz pair, over its value, at which it has converged. Larger: shapes are less accurate. Smaller: cycles in rounding.
 pub const CONVERGED: f64 = 1e-11;
 
-/// Part of a vector that is left of it beside the others, from which on it is rounding of their span. Larger: new directions are
-/// thrown away. Smaller: a basis that is not orthogonal.
+/// Part of a vector that is left of it beside the others, from which on it is rounding of their span. Larger: new directions are thrown
+/// away. Smaller: a basis that is not orthogonal. Pinned by `test_oscillators_of_few_kinds`, from below.
 pub const DEPENDENT: f64 = 1e-13;
-/// The same of a random vector, which has a large part outside of any span that is not the whole space.
+/// The same of a random vector, which has a large part outside of any span that is not the whole space. Not seen: beside a span that is not
+/// the whole space a random vector keeps far more, beside the whole space far less.
 pub const DEPENDENT_RANDOM: f64 = 1e-10;
+
+/// The same of a correction of a shape, whose solution is not that accurate. Larger: shapes stay as inaccurate as they are. Smaller:
+/// the subspace grows by noise.
+pub const INSIDE: f64 = 1e-3;
 
 /// Moduli of two Ritz values that are equal but for rounding: a conjugate pair stays together. Larger: values of two pairs are
 /// mixed in their order. Smaller: a pair is cut.
@@ -16,7 +21,7 @@ pub const SAME_MODULUS: f64 = 1e-12;
 /// Relative change of eigenvalues after a restart with new random vectors below which none was missing. Larger: a missing one passes.
 /// Smaller: restarts for nothing.
 pub const SAME_VALUE: f64 = 1e-9;
-/// The same of damped roots, of which rounding makes more.
+/// The same of damped roots, of which rounding makes more. Pinned by `test_oscillators_of_few_kinds`, from below.
 pub const SAME_DAMPED: f64 = 1e-8;
 
 /// Estimated error of an eigenvalue, over it, at which the rounds of widening end. Larger: digits are given away. Smaller: rounds
@@ -27,23 +32,28 @@ pub const RESOLVED: f64 = 1e-12;
 pub const SUM_ROUNDING: f64 = 1e-14;
 
 /// Values of the whole operator below this part of its largest are zeros that constraints leave. Larger: stiff modes are lost. Smaller:
-/// constraints are told as modes.
+/// constraints are told as modes. Pinned by `test_a_stiff_mode_beside_a_constraint_is_a_mode`, from above.
 pub const CONSTRAINED: f64 = 1e-13;
 
 /// First negative shift, over the largest ratio of the diagonals of K and M. It only comes nearer to zero from there. Larger: slower
-/// convergence. Smaller: factors near to a singular matrix. No answer depends on it.
+/// convergence. Smaller: factors near to a singular matrix. Not seen: no answer depends on it.
 pub const FIRST_SHIFT: f64 = 1e-4;
 
-/// Values below this part of a shift are not elastic, where the next shift is looked for. Larger: soft modes are far from the
-/// shift. Smaller: rounding of rigid modes attracts it. No answer depends on it.
+/// Values below this part of a shift are not elastic, where the next shift is looked for. Larger: soft modes are far from the shift.
+/// Smaller: rounding of rigid modes attracts it. Not seen: no answer depends on it.
 pub const ELASTIC: f64 = 1e-7;
 
-/// A gap behind the last wanted eigenvalue, over its distance from the shift, that can be counted through. Larger: wide groups
-/// are taken as one. Smaller: a group is cut in two and found incomplete.
+/// A gap behind the last wanted eigenvalue, over its distance from the shift, that can be counted through. Larger: wide groups are taken as
+/// one. Smaller: a group is cut in two and found incomplete. Not seen: a group that is cut costs another search, and finds the same.
 pub const GAP: f64 = 1e-6;
 
-/// Eigenvalues of assembled matrices below this part of the shift cannot be told from zero. Larger: soft modes are rigid. Smaller:
-/// rigid modes get roots of rounding.
+/// Distance behind the last wanted eigenvalue at which others are counted where the next one is far, over its distance from the shift.
+/// Larger: more eigenvalues must be known. Smaller: pivots of a nearly singular matrix are counted. Not seen: no answer depends on it.
+pub const COUNT_MARGIN: f64 = 1e-3;
+
+/// Eigenvalues of assembled matrices below this part of the shift cannot be told from zero. Larger: soft modes are rigid. Smaller: rigid
+/// modes get roots of rounding. Pinned by `test_a_chain_on_a_weak_spring_is_not_free`, from above. Not seen from below: what rounding of
+/// the entries leaves is added to it, and is more.
 pub const RIGID: f64 = 1e-12;
 /// The same where energies come from strains: this part of the largest ratio of the diagonals.
 pub const RIGID_BY_STRAINS: f64 = 1e-26;
@@ -52,9 +62,13 @@ pub const RIGID_BY_STRAINS: f64 = 1e-26;
 /// Smaller: soft modes are less accurate.
 pub const SOFT: f64 = 1e-6;
 
-/// Roots below this part of the shift are double zeros of rigid motion, which rounding moves by its root. Larger: slow modes are
-/// rigid. Smaller: rigid motions oscillate.
+/// Roots below this part of the shift are double zeros of rigid motion, which rounding moves by its root. Larger: slow modes are rigid.
+/// Smaller: rigid motions oscillate. Pinned by `test_a_rigid_motion_beside_a_slow_one_is_one_zero_root`, from below.
 pub const RIGID_PAIR: f64 = 1e-5;
+
+/// Part of a shape of a double zero, in the metric of M, that is left of it beside the rigid shapes before, from which on it is another
+/// one: these shapes are right to about the root of the precision. Larger: a rigid motion is lost. Smaller: rounding is another one.
+pub const ANOTHER_RIGID: f64 = 1e-3;
 
 /// Relative difference of the energy of a shape and the work of the forces that hold it, above which a saddle system does not hold what it
 /// should. Larger: wrong factors pass. Smaller: rounding refuses the route.
@@ -64,11 +78,12 @@ pub const ENERGY_IS_WORK: f64 = 1e-5;
 /// below. Larger: shifts without need. Smaller: rigid motions oscillate. Used by tests/linear/test_sparse_general.py.
 pub const HELD: f64 = 1e-6;
 /// Estimated error of a root of a system that is not symmetric, above which the search has failed. Larger: roots with few digits are
-/// returned. Smaller: near the onset of flutter large models are refused.
+/// returned. Smaller: near the onset of flutter large models are refused. Pinned by
+/// `test_roots_that_circulation_hardly_parts_are_told_where_they_have_six_digits`.
 pub const TOLD: f64 = 1e-6;
 /// Relative distance of two roots of a system that is not symmetric, below which they are repeated: left and right vectors are then no
 /// pairs, and no quotient of theirs makes the root better. Larger: digits of close roots are given away. Smaller: quotients of vectors that
-/// are nearly orthogonal. Used by tests/linear/test_sparse_general.py.
+/// are nearly orthogonal. Pinned by `test_roots_that_are_nearly_equal_are_repeated`.
 pub const SAME_ROOT: f64 = 1e-7;
 /// Real part of a root, over its modulus, above which a vibration grows, where the estimated error is smaller. Larger: slow flutter is
 /// called vibration. Smaller: rounding of undamped roots is called flutter. Used by tests/linear/test_sparse_general.py.
@@ -91,10 +106,11 @@ pub const ENTRY_NOISE: f64 = 0.01;
 /// Distance of a factor from the root whose left vector it gives, over the root. Larger: more steps of inverse iteration. Smaller: a
 /// pivot of zero.
 pub const BESIDE: f64 = 1e-13;
-/// Residual of a Ritz pair, over its value, up to which it may be a root where a moving shift looks for the lowest one. Larger: the
-/// shift runs after rounding. Smaller: it stays away from roots that are close together. No answer depends on it.
+/// Residual of a Ritz pair, over its value, up to which it may be a root where a moving shift looks for the lowest one. Larger: the shift
+/// runs after rounding. Smaller: it stays away from roots that are close together. Not seen: no answer depends on it.
 pub const PLAUSIBLE: f64 = 0.1;
-/// The same, at which the shift no longer moves. Larger: it stops too far from the roots. Smaller: factors without need. No answer depends on it.
+/// The same, at which the shift no longer moves. Larger: it stops too far from the roots. Smaller: factors without need. Not seen: no
+/// answer depends on it.
 pub const NEARLY_ROOT: f64 = 1e-4;
 /// Imaginary part of a root, over its modulus, below which it is real. Larger: heavily damped pairs are taken as two real roots. Smaller: a
 /// real root gets a conjugate.
@@ -103,5 +119,5 @@ pub const REAL_ROOT: f64 = 1e-12;
 /// rounding decides on which side of the circle a root lies.
 pub const NARROW: f64 = 1e-13;
 /// Distance of a shift from the lowest of roots that are close together, over the extent of those seen. Larger: it sees fewer of them.
-/// Smaller: its factors see this one alone. No answer depends on it.
+/// Smaller: its factors see this one alone. Not seen: no answer depends on it.
 pub const BESIDE_CROWD: f64 = 0.01;

@@ -227,8 +227,7 @@ impl<'a> Shapes<'a> {
         let s = members.iter().map(|m| m.s).sum::<C>() / count as f64;
         let turned = aligned(self.x.subcols(first, count));
         let mut x = turned.clone();
-        let is_real =
-            (0..count).all(|j| (0..x.nrows()).all(|i| x[(i, j)].im.abs() <= REAL_SHAPE * x[(i, j)].norm().max(1e-3)));
+        let is_real = (0..count).all(|j| (0..x.nrows()).all(|i| x[(i, j)].im.abs() <= REAL_SHAPE));
         let bilinear = self.y.is_none() && s.im > 0.0 && !is_real;
         if bilinear {
             let form = |v: faer::ColRef<'_, C>| slope_times(terms, s, v);

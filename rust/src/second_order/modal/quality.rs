@@ -4,7 +4,9 @@ use faer::{Mat, MatRef};
 
 use crate::linalg::dense::{C, EPS, absolute, dot, exceeds, frobenius, modulus, real_times};
 use crate::second_order::SecondOrder;
-use crate::tolerances::modes::{CLOSEST, DOUBLE_ROOT, DOUBTFUL, MEETING, NEAR_DEFECTIVE, SEPARATED};
+use crate::tolerances::modes::{
+    CLOSEST, DOUBLE_ROOT, DOUBTFUL, LARGEST_CORRECTION, MEETING, NEAR_DEFECTIVE, SEPARATED,
+};
 
 /// Q(s) = s^2 m + s d + k with the norms that backward errors refer to.
 pub struct Terms {
@@ -170,8 +172,7 @@ pub fn corrected_roots(terms: &Terms, s: &mut [C], x: MatRef<'_, C>, y: MatRef<'
 
 /// `step` is the first-order error.
 fn corrected(s: C, mut step: C, separation: f64, correction: Correction) -> Option<C> {
-    // larger steps are not corrections, and near a double root the first order says nothing
-    const LARGEST: f64 = 1e-3;
+    // near a double root the first order says nothing
     if correction == Correction::None || separation < SEPARATED {
         return None;
     }
@@ -180,7 +181,7 @@ fn corrected(s: C, mut step: C, separation: f64, correction: Correction) -> Opti
         _ if s.im == 0.0 => step.im = 0.0,
         _ => {}
     }
-    (step.norm() > 0.0 && step.norm() < LARGEST * s.norm()).then(|| s - step)
+    (step.norm() > 0.0 && step.norm() < LARGEST_CORRECTION * s.norm()).then(|| s - step)
 }
 
 fn backward_error(terms: &Terms, s: C, j: usize, products: &Products, x: ColRef<'_, C>) -> f64 {
@@ -247,5 +248,12 @@ mod tests {
         let (s, step) = (C::new(-0.1, 2.0), C::new(1e-6, -1e-6));
         let by = |separation: f64| corrected(s, step, separation, Correction::Any);
         assert!(by(1e-5).is_none() && by(1e-3) == Some(s - step));
+    }
+
+    #[test]
+    fn large_steps_are_no_corrections() {
+        let s = C::new(-0.1, 2.0);
+        let by = |part: f64| corrected(s, s * part, 1.0, Correction::Any);
+        assert!(by(1e-2).is_none() && by(1e-4) == Some(s - s * 1e-4));
     }
 }

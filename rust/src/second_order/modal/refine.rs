@@ -9,7 +9,7 @@ use super::simultaneous::{Corrections, Projections};
 use crate::linalg::dense::{C, EPS};
 use crate::linalg::double_double::{Dd, matrix_times};
 use crate::run::Counts;
-use crate::tolerances::modes::{LIGHT, SAME_SHAPE, TWICE};
+use crate::tolerances::modes::{AT_REST, LIGHT, SAME_SHAPE, TWICE};
 
 const STEPS: usize = 2;
 
@@ -112,8 +112,6 @@ fn corrected_by_all(
 }
 
 const FOLLOWED: usize = 8;
-/// Relative size of a last step of Newton's method that shows convergence.
-const AT_REST: f64 = 1e-3;
 
 fn set(mode: &mut RawMode, s: C, x: Vec<C>, y: Option<Vec<C>>) {
     (mode.s, mode.x, mode.y) = (s, x, y);

@@ -3,7 +3,8 @@ use faer::linalg::solvers::DenseSolveCore;
 use faer::{ColRef, Mat, MatRef};
 
 use crate::linalg::dense::C;
-use crate::tolerances::modes::{ISOTROPIC, TIE};
+use crate::tolerances::matrices::TIE;
+use crate::tolerances::modes::ISOTROPIC;
 
 /// First index among the components of largest modulus.
 pub fn largest_component(x: ColRef<'_, C>, scale: &[f64]) -> usize {
