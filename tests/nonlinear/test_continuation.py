@@ -141,14 +141,6 @@ def test_hertz_and_work_counts():
     assert a.stable is None and a.exponents is None and a.stats.counts["monodromies"] == 0
 
 
-def test_a_fold_is_closed_in_by_few_corrections():
-    given = dict(force=[0.18], omega=(0.5, 1.6), harmonics=7, stability=False)
-    found, plain = (frequency_response(duffing(), events=events, **given) for events in (True, False))
-    more = found.stats.counts["corrections"] - plain.stats.counts["corrections"]
-    print(f"{len(found.events)} folds by {more} corrections")
-    assert len(found.events) == 2 and len(found) == len(plain) and more <= 30
-
-
 def test_multipliers_equal_shooting(curve):
     for i in (0, len(curve) // 3, len(curve) // 2, len(curve) - 1):
         one = curve.point(i)
