@@ -117,6 +117,11 @@ class Timed:
     points: int
     route: str
 
+    @property
+    def whole(self) -> float:
+        """Seconds per point of the whole curve, its set-up included."""
+        return self.point + self.setup / self.points
+
     def __str__(self) -> str:
         return f"{ms(self.point)} per point, {self.points} points; set-up {ms(self.setup)} ({self.route})"
 
@@ -129,7 +134,7 @@ def _per_point(system: Any, force: np.ndarray, most: int = 1000, repeats: int = 
         middle = time.process_time()
         points = branch.run(most)
         once = Timed((time.process_time() - middle) / points, middle - begin, points, branch.setup.route)
-        best = once if best is None or once.point < best.point else best
+        best = once if best is None or once.whole < best.whole else best
     assert best is not None
     return best
 
@@ -137,7 +142,15 @@ def _per_point(system: Any, force: np.ndarray, most: int = 1000, repeats: int = 
 def chains() -> list[Row]:
     """One element in a chain of n masses."""
     one = _per_point(*_chain(1000, mb.Cubic, 0.2))
-    rows = [Row("chain of 1000, one cubic spring, H = 7", "at most 0.5 ms per point", str(one), one.point <= 5e-4)]
+    text = f"{ms(one.whole)} per point: {one}"
+    rows = [
+        Row(
+            "chain of 1000, one cubic spring, H = 7",
+            "at most 0.5 ms per point, set-up included",
+            text,
+            one.whole <= 5e-4,
+        )
+    ]
     slip = _per_point(*_chain(1000, mb.Jenkins, 0.3, 0.1), n_samples=512)
     text = f"{slip}, 512 samples"
     rows.append(Row("chain of 1000, one Jenkins element, H = 7", "at most 2 ms per point", text, slip.point <= 2e-3))

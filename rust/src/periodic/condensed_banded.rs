@@ -1,6 +1,7 @@
 //! Exact condensation of matrices with a narrow band, eight terms at once: S = Z_rr + Z_rl R with Z_ll R = -Z_lr.
 //!
-//! Every solution is checked row by row by its residual; terms whose entries rounding is felt in are left to `condensed`.
+//! There are no pivots: the sizes of the factors bound what rounding may have done to each entry, and terms in which it is felt are left to
+//! `condensed`.
 use super::condensed::{Entry, Split, is_settled, natural_sizes};
 use super::linear::Block;
 use crate::linalg::banded::{Band, LANES, Lanes, Memory, Reals};
@@ -59,18 +60,7 @@ impl Banded {
     /// Fills the blocks of up to `LANES` terms; those come back that rounding is felt in.
     pub fn condense(&mut self, split: &Split, tasks: &[Task], blocks: &mut [Block]) -> Vec<Task> {
         let w: Reals = std::array::from_fn(|l| tasks[l.min(tasks.len() - 1)].1);
-        let loads: Vec<&[(usize, c64)]> =
-            tasks.iter().map(|(term, _)| self.loads.get(*term).map_or(&[][..], Vec::as_slice)).collect();
-        let columns = split.retained.len() + usize::from(loads.iter().any(|load| !load.is_empty()));
-        let entries = split.lr.iter().map(|e| (self.right.place()[e.row], e.column, e));
-        let mut x = std::mem::take(&mut self.x);
-        set_sides(&mut x, split.local.len(), columns, entries, &w);
-        for (l, load) in loads.iter().enumerate() {
-            for (place, force) in *load {
-                let own = &mut x[(place + 1) * columns - 1];
-                (own.re[l], own.im[l]) = (force.re, force.im);
-            }
-        }
+        let mut x = self.right_sides(split, tasks, &w);
         let left = self.left.as_ref().map(|band| {
             let entries = split.rl.iter().map(|e| (band.place()[e.column], e.row, e));
             let mut f = Vec::new();
@@ -87,6 +77,23 @@ impl Banded {
         each.filter(|(l, (term, w))| !(good(*l) && sums.fill(split, *l, (*term, *w), &mut blocks[*term])))
             .map(|(_, task)| *task)
             .collect()
+    }
+
+    /// -Z_lr, and a column of forces where there are any on local coordinates.
+    fn right_sides(&mut self, split: &Split, tasks: &[Task], w: &Reals) -> Vec<Lanes> {
+        let loads: Vec<&[(usize, c64)]> =
+            tasks.iter().map(|(term, _)| self.loads.get(*term).map_or(&[][..], Vec::as_slice)).collect();
+        let columns = split.retained.len() + usize::from(loads.iter().any(|load| !load.is_empty()));
+        let entries = split.lr.iter().map(|e| (self.right.place()[e.row], e.column, e));
+        let mut out = std::mem::take(&mut self.x);
+        set_sides(&mut out, split.local.len(), columns, entries, w);
+        for (l, load) in loads.iter().enumerate() {
+            for (place, force) in *load {
+                let own = &mut out[(place + 1) * columns - 1];
+                (own.re[l], own.im[l]) = (force.re, force.im);
+            }
+        }
+        out
     }
 
     fn sums(&self, split: &Split, w: &Reals, weighed: Vec<(Lanes, Reals)>, right: &[Lanes], left: &[Lanes]) -> Sums {

@@ -1,5 +1,4 @@
 //! Solvers for R(y, p) = 0 that know nothing of mechanics.
-pub mod bracket;
 pub mod continuation;
 pub mod corrector;
 pub mod differences;
