@@ -1,8 +1,8 @@
 //! What a joint of the tree does at its point on the outer body, and the wrench that it carries there.
 //!
-//! With S_k the twist of its coordinate k, the wrench W that a joint carries does the work S_k . W. Where a state is in balance that is the
-//! force of springs, drives and cut loops; elsewhere the unbalanced force is a part of it. Forces in tree coordinates are the same at all
-//! times if W keeps this work: with the frame of the inner body fixed,
+//! A joint that carries the wrench W does the work S_k . W, S_k the twist of its coordinate k: none where a state is in balance, elsewhere
+//! that of the unbalanced force. In tree coordinates this force stays the same, and so it does in absolute ones if W keeps its work. Seen
+//! from the inner body
 //! ```text
 //! S_k . dW = -dS_k . W,   dS_k = sum_j (S_j x S_k) y_j   [j carries k],   y_j = D_j . xi
 //! ```
