@@ -153,6 +153,8 @@ def test_flexible_bodies(seed):
     )
     m = flexed(m, str(rng.choice(flexible_bodies_of(m))), 30.0)
     agree(m)
+    for effect in ("preload-stiffness", "constraint-force-stiffness"):
+        agree(m, without=(effect,))
     agree(m, advanced(m, rng, 0.1))
 
 

@@ -7,7 +7,8 @@
 //! ```text
 //! M x" + D x' + (S + sum w g g^T) x + Phi^T lam = 0,   Phi x = 0
 //! ```
-//! All joints are constraints here, those of the spanning tree too. S is symmetric in equilibrium, unless forces have no potential.
+//! All joints are constraints here, those of the spanning tree too; what they carry turns as `tree_joint` tells. On motions that the
+//! constraints allow S is symmetric in equilibrium, unless forces have no potential.
 use faer::Mat;
 use nalgebra::DMatrix;
 
@@ -123,6 +124,7 @@ impl SparseForm {
         if builder.loaded {
             builder.loads(counts);
             builder.joint_forces(&lam, counts);
+            builder.free.add_switched(&mut builder.stiffness);
             unbalanced = builder.unbalanced(&lam, loops.as_ref());
         }
         counts.add("sparse rows", builder.compliance.len() as u64);
@@ -463,13 +465,9 @@ impl<'a> Builder<'a> {
             return;
         }
         let free = &self.free;
-        let mut all = vec![0.0; free.topology.rows.len()];
-        for (i, l) in self.row_places().into_iter().zip(lam) {
-            all[i] = *l;
-        }
         let n = free.topology.n_tree;
         let mut made = Triplets::new(n, n);
-        free.multiplier_stiffness_into(&all, &mut made, counts);
+        free.multiplier_stiffness_into(&self.on_all_rows(lam), &mut made, counts);
         let mut carried = vec![Six::zero(); free.topology.nodes.len()];
         for acting in self.carrying(lam) {
             add_tangent(free.topology, free.placement, &acting, true, &mut self.stiffness, None);
@@ -483,15 +481,20 @@ impl<'a> Builder<'a> {
         made.list.into_iter().for_each(|(i, j, v)| self.stiffness.add(i as usize, j as usize, v));
     }
 
+    /// Multipliers of the rows with every body free; those of tree joints are zero, `carrying` has their wrenches.
+    fn on_all_rows(&self, lam: &[f64]) -> Vec<f64> {
+        let mut all = vec![0.0; self.free.topology.rows.len()];
+        self.row_places().into_iter().zip(lam).for_each(|(i, l)| all[i] = *l);
+        all
+    }
+
     /// The wrenches that the joints of the tree carry.
     fn carrying(&self, lam: &[f64]) -> Vec<Interaction<f64>> {
         let (topology, geometry, placement) = (self.tree.topology, self.tree.geometry, self.tree.placement);
         let subtree = self.tree.subtree_wrenches(self.tree.body_wrenches(Some(lam)));
         let joints = (0..topology.nodes.len()).filter(|i| topology.nodes[*i].joint.is_some());
         let loaded = joints.filter(|i| !subtree[*i].is_absent());
-        let carry =
-            |i: usize| TreeJoint::new(topology, geometry, placement, i).carrying(topology, placement, i, &subtree[i]);
-        loaded.map(carry).collect()
+        loaded.map(|i| TreeJoint::new(topology, geometry, placement, i).carrying(&subtree[i])).collect()
     }
 
     fn unbalanced(&self, lam: &[f64], loops: Option<&LoopBlocks>) -> (f64, usize) {

@@ -5,8 +5,8 @@
 //! x_f' = s x_f + d,   x_f" = s^2 x_f + 2 s d + e,   d = B' z,   e = B" z
 //! ```
 //! and x_f, d, e are carried from body to body, each with the columns of its joint and with their rates. The centre of mass itself moves:
-//! x = T x_f, T' and T" by its velocity and acceleration. The wrenches that the joints carry turn with them in the stiffness
-//! (`multibody::tree_joint`): what is added to them does no work in the coordinates.
+//! x = T x_f, T' and T" by its velocity and acceleration. What joints carry now keeps its work in the coordinates by its stiffness
+//! (`multibody::tree_joint`), so that what is added to it does none, in balance or not.
 use crate::linearize::sparse_form::Entries;
 use crate::multibody::assemble::Scene;
 use crate::multibody::topology::Topology;

@@ -460,7 +460,7 @@ impl<T: Real> Scene<'_, T> {
     /// Effects are switched off in the sense of absolute coordinates (wrenches at the centres of mass, world axes): without the
     /// stiffness of constraint forces S is T^T (df/dq) T. In tree coordinates those forces appear as (dT/dy)^T f of all other
     /// forces, which is taken out here; left-out forces of springs had their share in it, which comes back.
-    fn add_switched(&self, stiffness: &mut impl Entries<T>) {
+    pub(crate) fn add_switched(&self, stiffness: &mut impl Entries<T>) {
         if !self.effects.constraint_force_stiffness {
             self.add_map_changes(&self.body_wrenches(None), -T::one(), stiffness);
         }
