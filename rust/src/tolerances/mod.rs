@@ -221,6 +221,10 @@ pub mod motion {
     /// rounding. Used by tests/motion/test_motion_hard.py.
     pub const LEAST_MOTION: f64 = 1e-6;
 
+    /// A spline is quiet where its curvature is below this part of the largest. Larger: steps are held short where little happens. Smaller:
+    /// a long step passes what comes after a stretch that is at rest but for rounding.
+    pub const QUIET: f64 = 1e-3;
+
     /// Repetitions that find the rotation vector of three rates that act together: each gains the turn within a step. Smaller: fast
     /// turns are refused. Seen by tests/motion/test_motion_rotations.py, not scanned.
     pub const ROTATION_REPETITIONS: usize = 40;

@@ -79,6 +79,10 @@ pub const ALONG_BRANCH: f64 = 1e-5;
 /// too small: one is told twice.
 pub const SAME_CROSSING: f64 = 1e-6;
 
+/// Difference of |Im s| of two exponents over their sum up to which they are one pair. Free of units. Too large: a real exponent that
+/// crosses beside a pair is taken for it; too small: a pair whose frequency drifts between two points is not known again.
+pub const SAME_PAIR: f64 = 1e-3;
+
 /// How often a segment between two points of a branch is divided to exclude that an exponent crosses the axis and comes back. A
 /// count. Too large: curves that come near the axis without a crossing cost more; too small: narrow bands without stability are
 /// missed. Pinned by tests/truth/test_hidden_bands.py.
@@ -116,6 +120,10 @@ pub const SHRINKING: f64 = 1e-5;
 /// Largest difference between the sum of the exponents and the trace, relative to the base frequency, that passes. Free of units. Too
 /// large: lost exponents pass; too small: rounding refuses the stability.
 pub const TRACE: f64 = 1e-6;
+
+/// Largest relative difference of dynamic stiffness between a system and the reduced model that tells its stability. Free of units. Too
+/// large: stability is told of another system; too small: it is computed from the full system, which takes longer.
+pub const REDUCED_MODEL: f64 = 1e-3;
 
 /// Exponents nearer than this (relative to the base frequency) to |Im s| = omega/2 lie there. Free of units. Too large: exponents
 /// beside the edge are told twice; too small: rounding takes one of the two away.

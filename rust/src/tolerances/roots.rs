@@ -21,17 +21,16 @@ pub const BRACKET: f64 = 1e-13;
 /// Part of a segment down to which a jump is bracketed. Larger: jumps are told less accurately. Smaller: both sides cannot be told apart.
 pub const NARROW: f64 = 1e-9;
 
+/// Part of a segment to which a bracket that cannot be narrowed any more must have come for its sides to be compared. Larger: sides far
+/// apart pass as one branch. Smaller: jumps beside a singular point are called torn.
+pub const NARROWED: f64 = 1e-3;
+
 /// Distance between the two sides of a jump, over the scale of the unknowns, up to which they are one branch though the bracket is
 /// narrower. Larger: torn branches pass as one. Smaller: rounding tears a branch.
 pub const TORN: f64 = 1e-6;
 
-/// Norm of the residual at which a quasi-Newton method ends where no tolerance is given. Larger: less accurate. Smaller: rounding.
-pub const QUASI_NEWTON: f64 = 1e-10;
-
-/// Least cosine of an update of BFGS; and how far one update may change the determinant of the inverse, this factor and over it. Beyond,
-/// the update is left out. Larger: updates of use are left out. Smaller: one bad update ruins the inverse.
-pub const CURVATURE: f64 = 1e-12;
-/// See `CURVATURE`.
+/// How far one update of a step of bdf-bfgs may change the determinant of the inverse, this factor and over it. Beyond, the update is left
+/// out. Larger: updates of use are left out. Smaller: one bad update ruins the inverse.
 pub const DETERMINANT: f64 = 1e-10;
 
 /// Relative increment of forward differences and of power iterations by differences, about the root of eps. Larger: truncation. Smaller:

@@ -47,6 +47,17 @@ pub const ROWS_WITHOUT_TANGENT: f64 = 2e-13;
 /// `tests/motion/test_singular_poses.py`; not scanned.
 pub const FAR: f64 = 3.0;
 
+/// Steps that are shorter than that into the region near a pose by this factor are lost in it. Larger: motions that only slow down there
+/// are stopped. Smaller: many steps are made that lead nowhere.
+pub const COLLAPSED: f64 = 1e-3;
+
+/// First look ahead to a pose, over the distance that the hold allows; and the part of the way to it, as it is known, that the next look
+/// goes. Larger: the hold is read beyond the pose, where it rises. Smaller: the slope of the hold is known less well, and a pose is not met
+/// where it was foreseen.
+pub const FIRST_LOOK: f64 = 0.1;
+/// See `FIRST_LOOK`.
+pub const NEXT_LOOK: f64 = 0.7;
+
 /// Part of the way to a pose, or of that on which the hold falls to nothing, after which a pose that the next step does not meet is
 /// looked for again. Larger: motions that quicken meet it unseen. Smaller: each step looks, which costs as much as three corrections of
 /// rows. Seen by `tests/motion/test_singular_poses.py`; not scanned.

@@ -37,11 +37,12 @@ pub const SHARE_OF_TOLERANCE: f64 = 0.01;
 pub const CLOSED: f64 = 1e-14;
 /// See `CLOSED`.
 pub const CLOSED_ENOUGH: f64 = 1e-10;
-/// Loosest closing of the stages of a step far from singular poses, and corrections within it that are rounding once they shrink no more.
-/// Larger: accelerations of stages miss the tolerance. Smaller: time is lost.
-pub const COARSELY_CLOSED: f64 = 1e-7;
-/// See `COARSELY_CLOSED`.
+/// Openings and corrections below this that shrink no more are rounding. Larger: closings end before they are done. Smaller: rounding is
+/// corrected until the motion stops.
 pub const CLOSING_ROUNDING: f64 = 1e-11;
+/// Loosest closing of the stages of a step far from singular poses. Larger: accelerations of stages miss the tolerance. Smaller: time is
+/// lost.
+pub const COARSELY_CLOSED: f64 = 1e-7;
 
 /// Turned rates that move less than this within a step, characteristic lengths or radians, are rounding of a motion at rest. Larger: a
 /// branch may be lost in slow motion. Smaller: rest cannot go on.
@@ -55,8 +56,8 @@ pub const FINEST_CROSSING: f64 = 1e-10;
 /// turns sliders at rest.
 pub const SLIDER_TURNS: f64 = 1e-13;
 
-/// Step of the differences by which the acceleration of a rotation vector is found at the end of a step, over the largest rate: these
-/// are central, of a smooth map alone. Larger: truncation. Smaller: rounding. Only what is read between steps depends on it.
+/// Step of the differences by which the acceleration of a rotation vector is found at the end of a step, characteristic lengths or radians:
+/// these are central, of a smooth map alone. Larger: truncation. Smaller: rounding. Only what is read between steps depends on it.
 pub const INTERPOLATED: f64 = 1e-5;
 
 /// Error of a start step of bdf-bfgs, characteristic lengths or radians: for fixed steps; and the least under a tolerance. Larger: the start
@@ -69,6 +70,16 @@ pub const LEAST_START_ERROR: f64 = 1e-12;
 pub const START_SHARE: f64 = 1e-3;
 /// Shortest part of a start step, over the step. Larger: kinks at the start refuse the motion. Smaller: they hold it up.
 pub const SHORTEST_START: f64 = 1e-7;
+
+/// Rates count at least as if the motion took this part of the characteristic length, or a radian: what starts from rest has none. Larger:
+/// slow motions keep long steps of which they know nothing. Smaller: the first steps from rest are far too long, and made again.
+pub const SLOWEST: f64 = 1e-3;
+/// Part of the motion for which an acceleration counts as a rate, and at most for a step. Larger: drives that push for a moment set the
+/// scale of all the motion. Smaller: steps from rest are too long, and made again.
+pub const FROM_REST: f64 = 1e-3;
+/// How fast the length of past steps is forgotten, over time in such lengths. Larger: one short step makes the detour around a pose
+/// short. Smaller: a detour is as long as steps were long ago.
+pub const FADING: f64 = 0.3;
 
 /// Norm of the equations of a step of bdf-bfgs over a tolerance for the motion, which about a thousand steps share. Larger: the remainder
 /// adds up to the tolerance. Smaller: evaluations for nothing.

@@ -10,7 +10,7 @@ use crate::solve::inverse_bfgs::{Options, Outcome, Start, Status, solve};
 use crate::solve::line_search::Rule;
 
 use super::equations::BdfStep;
-use crate::tolerances::roots::DIFFERENCE;
+use crate::tolerances::roots::{DETERMINANT, DIFFERENCE};
 use crate::tolerances::steps::{
     FIXED_SOLVED, FRESH_INVERSE, INCREMENT_ROUNDING, LOOSEST, ROW_ROUNDING, SHARE_OF_MOTION,
 };
@@ -168,14 +168,16 @@ impl StepSolver {
             family,
             tolerance,
             max_iterations: MAX_ITERATIONS,
+            max_evaluations: u64::MAX,
             rule: Rule { max_backtracks: 12, ..Rule::default() },
-            guard: Guard { curvature: CURVATURE, ..Options::default().guard },
+            guard: Guard { curvature: CURVATURE, determinant: (DETERMINANT, DETERMINANT.recip()) },
             start: Start::Identity,
+            memory: None,
+            difference: DIFFERENCE,
             left: self.left,
             patience: PATIENCE,
             restarts: 0,
             fallback: false,
-            ..Options::default()
         };
         let out = solve(step, x, &options, &mut inverse)?;
         // the first iteration corrects what was foreseen, along what all steps have in common: it falls by more than the next ones
