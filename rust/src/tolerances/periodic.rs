@@ -1,7 +1,8 @@
 //! Periodic motions: dynamic stiffness, residuals, events.
 
-/// A coordinate counts at least as if it held this part of the largest root of an energy. Larger: steps of what is small beside the
-/// rest are not measured. Smaller: what vanishes by symmetry measures steps by rounding. Not scanned.
+/// A coordinate counts at least as if it held this part of the largest root of an energy. Larger: steps of what is small beside the rest
+/// are not measured. Smaller: what vanishes by symmetry measures steps by rounding.  Not seen: responses in any units are the same either
+/// way.
 pub const LEAST_SCALE: f64 = 1e-6;
 
 /// Part of the natural size of an entry of the condensed dynamic stiffness that rounding of a factorisation may change, by its
@@ -67,16 +68,16 @@ pub const CONTACT_STEPS: usize = 8;
 /// Used by tests/truth/test_hbm_events.py.
 pub const CONTACT_JUMP: f64 = 0.1;
 
-/// Entries of a condensed system, relative change of a solution, that end its refinement. Free of units. Too large: digits are given
-/// away; too small: refinements that change nothing.
+/// Entries of a condensed system, relative change of a solution, that end its refinement. Free of units. Too large: digits are given away;
+/// too small: refinements that change nothing. Not seen: condensed systems of tests are the same either way.
 pub const REFINED: f64 = 1e-12;
 
-/// Step of the differences along a branch by which condensed coordinates move, relative to its length. Too large: their truncation,
-/// of fourth order, shows; too small: rounding shows. Both move a peak by their square.
+/// Step of the differences along a branch by which condensed coordinates move, relative to its length. Too large: their truncation, of
+/// fourth order, shows; too small: rounding shows. Both move a peak by their square. Not seen: peaks are the same to the digits of tests.
 pub const ALONG_BRANCH: f64 = 1e-5;
 
-/// Two crossings of a conjugate pair lie within this part of a segment. Free of units. Too large: two bifurcations are told as one;
-/// too small: one is told twice.
+/// Two crossings of a conjugate pair lie within this part of a segment. Free of units. Too large: two bifurcations are told as one; too
+/// small: one is told twice. Not seen: events of tests are the same either way.
 pub const SAME_CROSSING: f64 = 1e-6;
 
 /// Difference of |Im s| of two exponents over their sum up to which they are one pair. Free of units. Too large: a real exponent that
@@ -88,9 +89,9 @@ pub const SAME_PAIR: f64 = 1e-3;
 /// missed. Pinned by tests/truth/test_hidden_bands.py.
 pub const HIDDEN: usize = 4;
 
-/// How many times as steep as between two points of a branch the growth of an exponent may be just beside them. Free of units. Too
-/// large: points are solved for where nothing crosses; too small: bands without stability whose flanks are steep are missed.
-/// Pinned by tests/truth/test_hidden_bands.py.
+/// How many times as steep as between two points of a branch the growth of an exponent may be just beside them. Free of units. Too large:
+/// points are solved for where nothing crosses; too small: bands without stability whose flanks are steep are missed.  Pinned by
+/// `a_pair_that_comes_beyond_zero_between_two_places_is_never_excluded`.
 pub const STEEPER: f64 = 2.0;
 
 /// Distance of Im s from 0 and from half of the base frequency, over the base frequency, within which a crossing exponent is real or
@@ -100,37 +101,40 @@ pub const STEEPER: f64 = 2.0;
 pub const RESONANT: f64 = 1e-4;
 
 /// First and least step of the search for the start of a branch and for a peak, over the scale of the unknowns. Free of units. A larger
-/// first step is repeated, a smaller one grows; a larger least step gives up early, a smaller one late.
+/// first step is repeated, a smaller one grows; a larger least step gives up early, a smaller one late. Not seen: branches of tests begin,
+/// and peaks are found, either way.
 pub const FIRST_STEP: f64 = 1e-3;
-/// See `FIRST_STEP`.
+/// See `FIRST_STEP`. Not seen: branches of tests begin, and peaks are found, either way.
 pub const LEAST_STEP: f64 = 1e-10;
 
-/// Residual over the sum of its terms to which the points of a search for a peak are solved. Free of units. Too large: the peak is
-/// less accurate than the curve; too small: rounding refuses it.
+/// Residual over the sum of its terms to which the points of a search for a peak are solved. Free of units. Too large: the peak is less
+/// accurate than the curve; too small: rounding refuses it. Not seen: peaks are the same to the digits of tests.
 pub const PEAK_SOLVED: f64 = 1e-11;
 
 /// Expected error of the extrapolated monodromy matrix, relative to its size, that ends the doubling of steps. Free of units. Too large:
-/// multipliers of weakly damped motions have visible errors; too small: steps are doubled down to rounding.
+/// multipliers of weakly damped motions have visible errors; too small: steps are doubled down to rounding. Not seen: each doubling of
+/// steps gains several digits; exponents of a chain with a stop change by 1e-12 at most.
 pub const MONODROMY: f64 = 1e-10;
 
 /// Changes of the monodromy matrix larger than this do not tell yet how fast the next ones will shrink. Free of units. Too large: an error
-/// is expected that is too small; too small: one doubling more.
+/// is expected that is too small; too small: one doubling more. Not seen: exponents of a chain with a stop are the same bit by bit.
 pub const SHRINKING: f64 = 1e-5;
 
 /// Largest difference between the sum of the exponents and the trace, relative to the base frequency, that passes. Free of units. Too
-/// large: lost exponents pass; too small: rounding refuses the stability.
+/// large: lost exponents pass; too small: rounding refuses the stability. Not seen: exponents of tests are the same either way.
 pub const TRACE: f64 = 1e-6;
 
 /// Largest relative difference of dynamic stiffness between a system and the reduced model that tells its stability. Free of units. Too
 /// large: stability is told of another system; too small: it is computed from the full system, which takes longer.
 pub const REDUCED_MODEL: f64 = 1e-3;
 
-/// Exponents nearer than this (relative to the base frequency) to |Im s| = omega/2 lie there. Free of units. Too large: exponents
-/// beside the edge are told twice; too small: rounding takes one of the two away.
+/// Exponents nearer than this (relative to the base frequency) to |Im s| = omega/2 lie there. Free of units. Too large: exponents beside
+/// the edge are told twice; too small: rounding takes one of the two away. Not seen: exponents of tests are the same either way.
 pub const EDGE: f64 = 1e-7;
 
-/// Largest difference of multipliers at which the monodromy matrix may take the place of Hill's problem along a branch. Free of units.
-/// Too large: a worse matrix tells the stability; too small: Hill's problem is solved at each point. See `MONODROMY`.
+/// Largest difference of multipliers at which the monodromy matrix may take the place of Hill's problem along a branch. Free of units. Too
+/// large: a worse matrix tells the stability; too small: Hill's problem is solved at each point. See `MONODROMY`. Not seen: exponents of
+/// tests are the same either way.
 pub const AGREEMENT: f64 = 1e-7;
 
 /// Multipliers below this part of the norm of the monodromy matrix are rounding of it, and the trace tells their exponents. Free of units.
