@@ -150,12 +150,12 @@ def candidates(system: Any, force: Any, omega: float | None) -> Iterator[tuple[n
         start = modes.felt(shape, w)
         if start is None:
             continue
-        power = lambda a: modes.power(a * shape, w)  # noqa: B023, E731
-        amplitudes = start * AMPLITUDES
-        powers = [power(a) for a in amplitudes]
-        for a, p, b, q in zip(amplitudes, powers, amplitudes[1:], powers[1:], strict=False):
+        power = lambda x: modes.power(np.exp(x) * shape, w)  # noqa: B023, E731
+        logarithms = np.log(start * AMPLITUDES)
+        powers = [power(x) for x in logarithms]
+        for a, p, b, q in zip(logarithms, powers, logarithms[1:], powers[1:], strict=False):
             if p < 0 <= q:
-                yield _first_harmonic(modes.rest, brentq(power, a, b) * shape), w
+                yield _first_harmonic(modes.rest, np.exp(brentq(power, a, b)) * shape), w
 
 
 def _first_harmonic(rest: np.ndarray, c: np.ndarray) -> np.ndarray:
