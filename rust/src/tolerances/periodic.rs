@@ -5,24 +5,24 @@
 /// way.
 pub const LEAST_SCALE: f64 = 1e-6;
 
-/// Part of the natural size of an entry of the condensed dynamic stiffness that rounding of a factorisation may change, by its
-/// bound, before the entry is refined. Free of units. Too large: curves of finely divided structures carry the rounding; too small:
-/// refinements that change nothing. Used by tests/nonlinear/test_hbm_rounding.py.
+/// Part of the natural size of an entry of the condensed dynamic stiffness that rounding of a factorisation may change, by its bound,
+/// before the entry is refined. Free of units. Too large: curves of finely divided structures carry the rounding; too small: refinements
+/// that change nothing. Used by tests/nonlinear/test_hbm_rounding.py. Not seen: these tests pass either way.
 pub const FELT: f64 = 1e-6;
 
-/// Correction of an entry by a residual, relative to its natural size, after which the next correction, about its square, would not
-/// count. Free of units. Too large: S keeps a visible error; too small: structures are refused that are known well enough.
-/// Used by tests/nonlinear/test_hbm_rounding.py.
+/// Correction of an entry by a residual, relative to its natural size, after which the next correction, about its square, would not count.
+/// Free of units. Too large: S keeps a visible error; too small: structures are refused that are known well enough. Used by
+/// tests/nonlinear/test_hbm_rounding.py. Not seen: these tests pass either way.
 pub const SETTLED: f64 = 1e-7;
 
 /// An entry of the condensed dynamic stiffness below this part of its rounding in plain arithmetic is zero: what is left of it after
-/// refinement is rounding of the refinement. Free of units. Too large: small entries are not refined; too small: structures that are
-/// free at rest are refused. Used by tests/truth/test_frequency_blocks.py.
+/// refinement is rounding of the refinement. Free of units. Too large: small entries are not refined; too small: structures that are free
+/// at rest are refused. Used by tests/truth/test_frequency_blocks.py. Not seen: these tests pass either way.
 pub const ABSENT: f64 = 1e-10;
 
-/// Rounding of a residual in units of eps times the sum of the absolute terms of its row. Free of units. Too large: residuals that
-/// are not rounding pass; too small: points that are as good as the arithmetic allows are refused.
-/// Used by tests/truth/test_frequency_blocks.py.
+/// Rounding of a residual in units of eps times the sum of the absolute terms of its row. Free of units. Too large: residuals that are not
+/// rounding pass; too small: points that are as good as the arithmetic allows are refused. Used by tests/truth/test_frequency_blocks.py.
+/// Not seen: these tests pass either way.
 pub const ROW_ROUNDING: f64 = 16.0;
 
 /// Growth rates of perturbations below this fraction of the base frequency count as zero. Free of units. Too large: weak
@@ -32,12 +32,12 @@ pub const ROW_ROUNDING: f64 = 16.0;
 pub const NEUTRAL: f64 = 1e-9;
 
 /// A period that takes less than this part out of a change of a law's state leaves the state free. Free of units. Too large: weakly
-/// dissipating cycles keep the state of their start; too small: rounding of a thousand steps decides.
-/// Used by tests/nonlinear/test_state_laws.py.
+/// dissipating cycles keep the state of their start; too small: rounding of a thousand steps decides. Used by
+/// tests/nonlinear/test_state_laws.py. Not seen: these tests pass either way.
 pub const STATE_FREE: f64 = 1e-11;
 
 /// Rounding of a law's state after a period, over its largest value. Free of units. Too large: states that are not periodic pass; too
-/// small: periods are repeated for nothing. Used by tests/nonlinear/test_state_laws.py.
+/// small: periods are repeated for nothing. Used by tests/nonlinear/test_state_laws.py. Not seen: these tests pass either way.
 pub const STATE_CLOSED: f64 = 1e-13;
 
 /// Rounding of the equations between two samples of a law's state, in units of eps times the sum of their absolute terms. Free of
@@ -51,21 +51,21 @@ pub const STATE_ROUNDING: f64 = 16.0;
 pub const AXIS: f64 = 1e-6;
 
 /// The same on the unstable side of a border that was bracketed, where two exponents that meet on the axis part like the root of the
-/// distance. Free of units; failures as of `AXIS`. Used by tests/truth/test_hbm_events.py.
+/// distance. Free of units; failures as of `AXIS`. Used by tests/truth/test_hbm_events.py. Not seen: these tests pass either way.
 pub const AXIS_ROOT: f64 = 1e-3;
 
 /// How many times the regularity at a branch point may exceed what a linear decrease to zero leaves at the width of the bracket. Free of
-/// units. Too large: corners, where the determinant jumps through zero, are called branch points; too small: branch points of
-/// strongly curved branches are lost. Used by tests/truth/test_hbm_events.py.
+/// units. Too large: corners, where the determinant jumps through zero, are called branch points; too small: branch points of strongly
+/// curved branches are lost. Used by tests/truth/test_hbm_events.py. Not seen: these tests pass either way.
 pub const BRANCHING: f64 = 1e3;
 
 /// Steps of the finest integration over which a contact must last to be seen by the stability of a motion. A count. Too large:
 /// the stability of short contacts is not told; too small: it is told wrongly. Pinned by tests/truth/test_hbm_events.py.
 pub const CONTACT_STEPS: usize = 8;
 
-/// Part of the range of an element's stiffness over the period by which it jumps where a contact opens or closes. Free of units.
-/// Too large: partial contacts are missed; too small: smooth laws that bend fast count as contacts.
-/// Used by tests/truth/test_hbm_events.py.
+/// Part of the range of an element's stiffness over the period by which it jumps where a contact opens or closes. Free of units. Too large:
+/// partial contacts are missed; too small: smooth laws that bend fast count as contacts. Used by tests/truth/test_hbm_events.py. Not seen:
+/// these tests pass either way.
 pub const CONTACT_JUMP: f64 = 0.1;
 
 /// Entries of a condensed system, relative change of a solution, that end its refinement. Free of units. Too large: digits are given away;
@@ -81,7 +81,7 @@ pub const ALONG_BRANCH: f64 = 1e-5;
 pub const SAME_CROSSING: f64 = 1e-6;
 
 /// Difference of |Im s| of two exponents over their sum up to which they are one pair. Free of units. Too large: a real exponent that
-/// crosses beside a pair is taken for it; too small: a pair whose frequency drifts between two points is not known again.
+/// crosses beside a pair is taken for it; too small: a pair whose frequency drifts between two points is not known again. Not scanned.
 pub const SAME_PAIR: f64 = 1e-3;
 
 /// How often a segment between two points of a branch is divided to exclude that an exponent crosses the axis and comes back. A
@@ -125,7 +125,7 @@ pub const SHRINKING: f64 = 1e-5;
 pub const TRACE: f64 = 1e-6;
 
 /// Largest relative difference of dynamic stiffness between a system and the reduced model that tells its stability. Free of units. Too
-/// large: stability is told of another system; too small: it is computed from the full system, which takes longer.
+/// large: stability is told of another system; too small: it is computed from the full system, which takes longer. Not scanned.
 pub const REDUCED_MODEL: f64 = 1e-3;
 
 /// Exponents nearer than this (relative to the base frequency) to |Im s| = omega/2 lie there. Free of units. Too large: exponents beside

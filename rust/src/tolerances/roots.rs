@@ -26,7 +26,7 @@ pub const BRACKET: f64 = 1e-13;
 pub const NARROW: f64 = 1e-9;
 
 /// Part of a segment to which a bracket that cannot be narrowed any more must have come for its sides to be compared. Larger: sides far
-/// apart pass as one branch. Smaller: jumps beside a singular point are called torn.
+/// apart pass as one branch. Smaller: jumps beside a singular point are called torn. Not scanned.
 pub const NARROWED: f64 = 1e-3;
 
 /// Distance between the two sides of a jump, over the scale of the unknowns, up to which they are one branch though the bracket is

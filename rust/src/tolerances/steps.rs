@@ -84,31 +84,33 @@ pub const START_SHARE: f64 = 1e-3;
 pub const SHORTEST_START: f64 = 1e-7;
 
 /// Rates count at least as if the motion took this part of the characteristic length, or a radian: what starts from rest has none. Larger:
-/// slow motions keep long steps of which they know nothing. Smaller: the first steps from rest are far too long, and made again.
+/// slow motions keep long steps of which they know nothing. Smaller: the first steps from rest are far too long, and made again. Not
+/// scanned.
 pub const SLOWEST: f64 = 1e-3;
 /// Part of the motion for which an acceleration counts as a rate, and at most for a step. Larger: drives that push for a moment set the
-/// scale of all the motion. Smaller: steps from rest are too long, and made again.
+/// scale of all the motion. Smaller: steps from rest are too long, and made again. Not scanned.
 pub const FROM_REST: f64 = 1e-3;
-/// How fast the length of past steps is forgotten, over time in such lengths. Larger: one short step makes the detour around a pose
-/// short. Smaller: a detour is as long as steps were long ago.
+/// How fast the length of past steps is forgotten, over time in such lengths. Larger: one short step makes the detour around a pose short.
+/// Smaller: a detour is as long as steps were long ago. Not scanned.
 pub const FADING: f64 = 0.3;
 
 /// Norm of the equations of a step of bdf-bfgs over a tolerance for the motion, which about a thousand steps share. Larger: the remainder
-/// adds up to the tolerance. Smaller: evaluations for nothing.
+/// adds up to the tolerance. Smaller: evaluations for nothing. Not seen: motions of tests err by less than their tolerance either way.
 pub const SHARE_OF_MOTION: f64 = 1e-5;
 /// Limits of that norm, over the root of the number of equations: rounding of constraint rows, of increments, and the loosest. Larger:
-/// steps are not solved, and orders and lengths of steps follow what is left. Smaller: rounding is solved, or an evaluation a step more than
-/// the tolerance needs.
+/// steps are not solved, and orders and lengths of steps follow what is left. Smaller: rounding is solved, or an evaluation a step more
+/// than the tolerance needs. Not seen: motions with constraints pass either way.
 pub const ROW_ROUNDING: f64 = 1e-15;
 /// See `ROW_ROUNDING`.
 pub const INCREMENT_ROUNDING: f64 = 1e-17;
-/// See `ROW_ROUNDING`.
+/// See `ROW_ROUNDING`. Not seen: motions of tests ask for less.
 pub const LOOSEST: f64 = 1e-12;
 /// The norm that passes where a fresh inverse cannot better it. Larger: unsolved steps pass. Smaller: motions near to singular poses stop.
+/// Not seen: motions of tests pass either way.
 pub const FRESH_INVERSE: f64 = 1e-11;
 
-/// How much looser a trial run is that shows how much of its local errors lasts. Larger: its error is no longer in proportion. Smaller: trials
-/// cost more than they save. Used by `tests/motion/test_shares.py`.
+/// How much looser a trial run is that shows how much of its local errors lasts. Larger: its error is no longer in proportion. Smaller:
+/// trials cost more than they save. Used by `tests/motion/test_shares.py`. Not seen: these tests pass either way.
 pub const TRIAL: f64 = 1e3;
 /// Tolerance of the loosest trial. Larger: motions that bend within a step are taken for damped. Smaller: loose tolerances get no trial.
 /// Pinned by `tests/motion/test_shares.py`.
@@ -138,8 +140,8 @@ pub const AGED: f64 = 2.0;
 /// A first correction says nothing of how fast they shrink: matrices that served before are not trusted to shrink it by more. Larger: one
 /// iteration more for nothing. Smaller: steps are called solved that are not.  Not seen: motions by "radau" pass either way.
 pub const TRUSTED: f64 = 0.1;
-/// Three rotations that act together turn at most so far in a step (radians): rotation vectors are ambiguous at a whole turn. Larger:
-/// a body that spins is lost in its chart. Smaller: short steps. Used by `tests/motion/test_radau.py`.
+/// Three rotations that act together turn at most so far in a step (radians): rotation vectors are ambiguous at a whole turn. Larger: a
+/// body that spins is lost in its chart. Smaller: short steps. Used by `tests/motion/test_radau.py`. Not seen: these tests pass either way.
 pub const WIDEST: f64 = 3.0;
 /// Steps that would grow by less keep their length and its factors. Larger: steps are short. Smaller: factors for nothing.  Not seen: no
 /// answer depends on it.
