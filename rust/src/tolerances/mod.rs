@@ -1,7 +1,7 @@
 //! Every number that decides something: its meaning, its unit, and what goes wrong when it is too large or too small.
 //!
 //! "Pinned by": a test fails at a hundred times the number and at a hundredth of it, or on one of these sides. "Used by": tests
-//! of what it decides, which pass at both. "Not seen": all tests of the code that uses it pass at both, or on the side that is named.
+//! of what it decides, which pass at both. "Not seen": quick tests of the code that uses it pass at both, or on that side.
 //! `benches/tolerances.py` tells which, and on which side.
 
 pub mod frequency_response;
@@ -205,8 +205,8 @@ pub mod motion {
     pub const ARTICULATED: f64 = 1e4 * f64::EPSILON;
 
     /// Factor on the length of the next step that the error estimate proposes. Larger: more steps are repeated. Smaller: more steps are
-    /// made. A choice of cost; seen by the step counts of tests/motion/test_motion_zoo.py, from below. Pinned by
-    /// `test_matrices_are_kept_and_the_explicit_method_has_none`, from above.
+    /// made. A choice of cost; seen by the step counts of tests/motion/test_motion_zoo.py, from below.  Pinned by
+    /// `test_matrices_are_kept_and_the_explicit_method_has_none`.
     pub const SAFETY: f64 = 0.85;
 
     /// Iterations of simplified Newton methods within a step. Larger: steps that are too long are given up late. Smaller: steps that

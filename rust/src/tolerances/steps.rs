@@ -32,8 +32,8 @@ pub const QUADRATIC: f64 = 1e-9;
 pub const EXACT: f64 = 1e-11;
 
 /// Remainder of Newton's method over the motion within a fixed step, which has no tolerance, and within a controlled one that is kept for
-/// its derivatives. Larger: the remainder shows in measured orders and in derivatives. Smaller: rounding is solved. Pinned by
-/// `test_order_five_at_oblique_axes`, from above, and `test_motion_and_derivatives_have_the_order_of_the_scheme`, from below.
+/// its derivatives. Larger: the remainder shows in measured orders and in derivatives. Smaller: rounding is solved.  Pinned by
+/// `test_order_five_at_oblique_axes`, from above, and tests/gradients/test_gradient_radau.py, from below.
 pub const FIXED_SOLVED: f64 = 1e-12;
 /// Over the tolerance of a controlled step. Larger: the remainder is a part of its error. Smaller: iterations for nothing. Pinned by
 /// `test_a_stiff_governor`, from above, and `test_matrices_are_kept_and_the_explicit_method_has_none`, from below.
