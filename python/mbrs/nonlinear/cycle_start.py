@@ -83,7 +83,7 @@ def tangent(system: Any, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndar
     M, C, K = (A.copy() for A in condensation.dense(system))
     core = balance.core_elements(system.elements, [law.w for law in system.elements])
     for i, law in enumerate(system.elements):
-        _, k, c = core.slopes(i, float(law.w @ x), 0.0)
+        _, k, c = core.slopes(i, 0.0, float(law.w @ x), 0.0)
         K += k * np.outer(law.w, law.w)
         C += (0.0 if law.has_memory else c) * np.outer(law.w, law.w)
     return M, C, K

@@ -48,10 +48,10 @@ def sliders_of(law: Any, history: np.ndarray) -> list[Slider]:
 
 
 class Element:
-    """A law along its direction, with its memory; ``slopes`` (u, v) gives force, df/du and df/dv of laws without."""
+    """A law along its direction, with its memory; ``slopes`` (phase, u, v) gives force, df/du and df/dv of laws without."""
 
-    def __init__(self, law: Any, slopes: Callable[[float, float], Sequence[float]], history: np.ndarray) -> None:
-        self.law, self.slopes = law, slopes
+    def __init__(self, law: Any, slopes: Callable[[float, float, float], Sequence[float]], history: np.ndarray) -> None:
+        self.slopes = slopes
         self.sliders = sliders_of(law, history) if law.has_memory else []
 
     def force(self, u: float, v: float, phase: float) -> tuple[float, float, float]:
@@ -59,11 +59,7 @@ class Element:
         if self.sliders:
             parts = [slider.force(u) for slider in self.sliders]
             return sum(p[0] for p in parts), sum(p[1] for p in parts), 0.0
-        if self.law.kind.phase:
-            k, order, start = self.law.numbers()
-            slope = k * np.cos(order * phase + start)
-            return slope * u, slope, 0.0
-        f, f_u, f_v = self.slopes(u, v)
+        f, f_u, f_v = self.slopes(phase, u, v)
         return f, f_u, f_v
 
     def move(self, u: float) -> None:

@@ -111,10 +111,10 @@ impl HbmElements {
         Ok(Self(elements))
     }
 
-    /// Force, df/du and df/dv of one element at a displacement and a rate; a law with states rests there.
-    fn slopes(&self, element: usize, u: f64, v: f64) -> PyResult<[f64; 3]> {
+    /// Force, df/du and df/dv of one element at a phase (rad), a displacement and a rate; a law with states rests there.
+    fn slopes(&self, element: usize, phase: f64, u: f64, v: f64) -> PyResult<[f64; 3]> {
         let chosen = self.0.get(element).ok_or_else(|| Error::model(format!("there is no element {element}")))?;
-        Ok(chosen.force.slopes(u, v)?)
+        Ok(chosen.force.slopes(phase, u, v)?)
     }
 }
 

@@ -12,7 +12,7 @@ use crate::solve::line_search::Rule;
 use super::equations::BdfStep;
 use crate::tolerances::roots::{DETERMINANT, DIFFERENCE};
 use crate::tolerances::steps::{
-    FIXED_SOLVED, FRESH_INVERSE, INCREMENT_ROUNDING, LOOSEST, ROW_ROUNDING, SHARE_OF_MOTION,
+    FIXED_SOLVED, FIXED_WITHOUT_TANGENT, FRESH_INVERSE, INCREMENT_ROUNDING, LOOSEST, ROW_ROUNDING, SHARE_OF_MOTION,
 };
 
 /// Least cosine between y and s for an update: where BFGS meets a nonsymmetric or indefinite Jacobian, smaller ones ruin H.
@@ -53,7 +53,7 @@ impl StepSolver {
     /// Without a family inverse BFGS runs until it has failed twice, Broyden's update from there on.
     pub fn new(family: Option<Family>, rtol: Option<f64>) -> Self {
         StepSolver {
-            solved: rtol.map_or(FIXED_SOLVED, |r| (SHARE_OF_MOTION * r).clamp(ROW_ROUNDING, FIXED_SOLVED)),
+            solved: rtol.map_or(FIXED_WITHOUT_TANGENT, |r| (SHARE_OF_MOTION * r).clamp(ROW_ROUNDING, FIXED_SOLVED)),
             family: family.unwrap_or(Family::Bfgs),
             settles: family.is_none(),
             strikes: 0,

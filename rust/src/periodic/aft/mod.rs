@@ -86,12 +86,13 @@ impl Force {
         matches!(self, Force::Known(law, _) if law.n_memory() > 0)
     }
 
-    /// Force, df/du and df/dv at a displacement and a rate; a law with states rests there.
-    pub fn slopes(&self, u: f64, v: f64) -> Result<[f64; 3]> {
+    /// Force, df/du and df/dv at a phase (rad) of the excitation, a displacement and a rate; a law with states rests there.
+    pub fn slopes(&self, phase: f64, u: f64, v: f64) -> Result<[f64; 3]> {
         match self {
             Force::Known(law, p) => {
                 let p: Vec<Dual64> = p.iter().map(|&x| Dual64::from(x)).collect();
-                let force = |u, v| law.eval(u, v, &p, &mut law.rest_memory());
+                let rest = law.rest_memory();
+                let force = |u, v| law.force_at(phase, u, v, &p, &rest, &mut rest.clone());
                 let by_u = force(Dual64::new(u, 1.0), Dual64::from(v));
                 Ok([by_u.re, by_u.eps, force(Dual64::from(u), Dual64::new(v, 1.0)).eps])
             }
