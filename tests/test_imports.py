@@ -242,7 +242,7 @@ CRATE = {
     "aero": {"error", "tolerances", "run", "spatial"},
     "force": {"error", "tolerances", "spatial", "expressions"},
     "joint": {"error", "spatial"},
-    "model": {"error", "spatial", "expressions", "aero", "force", "joint"},
+    "model": {"error", "tolerances", "spatial", "expressions", "aero", "force", "joint"},
     "kinematics": {"spatial", "joint"},
     "multibody": {"error", "tolerances", "run", "spatial", "linalg", "aero", "force", "joint", "model", "kinematics"},
     "constraint": {"error", "tolerances", "run", "spatial", "linalg", "joint", "model", "kinematics", "multibody"},

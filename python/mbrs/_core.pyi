@@ -302,6 +302,7 @@ class HbmElements:
         index: list[int],
         weight: list[float],
     ) -> HbmElements: ...
+    def slopes(self, element: int, phase: float, u: float, v: float) -> list[float]: ...
 
 @final
 class HbmLinear:

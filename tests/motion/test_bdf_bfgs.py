@@ -121,7 +121,7 @@ def test_most_last_steps_are_not_evaluated():
     print(
         f"{counts['steps not evaluated']} of {steps} steps, {counts['residual evaluations']} evaluations, {tried} iterations"
     )
-    assert counts["steps not evaluated"] > 0.7 * steps
+    assert counts["steps not evaluated"] > 0.6 * steps
     # without it an iteration more than evaluations of every step, and those of the formations
     assert counts["residual evaluations"] < tried + 0.3 * steps + 20 * counts["inverse formations"]
 
@@ -381,3 +381,17 @@ def test_a_mass_on_a_spring_of_4e13():
     expected = 0.1 / inertia / omega * np.sin(omega * 0.2)
     print(f"{traj.joint('hinge')[-1]:.7f} rad, small angles of a rigid guide give {expected:.7f}")
     assert abs(traj.joint("hinge")[-1] - expected) < 1e-5
+
+
+def test_shorter_fixed_steps_err_less():
+    """Of order four down to 1e-10: what steps leave of their equations does not add up to more than they err."""
+    m = mb.Model("pendulums", gravity=(0, 0, -9.81))
+    m.body("a", mass=1.0, inertia=(0.02, 0.03, 0.04), at=(0.3, 0, -0.4))
+    m.revolute("hinge", m.ground, "a", at=(0, 0, 0), axis="y")
+    m.body("b", mass=1.0, inertia=(0.02, 0.03, 0.04), at=(0.6, 0, -0.9))
+    m.revolute("knee", "a", "b", at=(0.4, 0, -0.7), axis="y")
+    exact = mb.simulate(m, t=1.0, rtol=1e-13, method="explicit").position("b")[-1]
+    steps = (4e-3, 2e-3, 1e-3)
+    errors = [np.abs(mb.simulate(m, t=1.0, step=h, method="bdf-bfgs").position("b")[-1] - exact).max() for h in steps]
+    print(errors)
+    assert errors[0] / errors[1] > 10.0 and errors[1] / errors[2] > 10.0

@@ -494,3 +494,17 @@ def test_angles_of_a_universal_joint_have_the_names_of_its_coordinates(names):
         m.drive("motor", "joint", mb.Ramp(1.0), name)
         ends.append(mb.simulate(m, [0.5]).joint("joint")[-1])
     assert np.array_equal(*ends) and 0.5 in np.round(ends[0], 12)
+
+
+@pytest.mark.parametrize("method", ["explicit", "radau"])
+def test_steps_that_end_at_breaks_leave_no_gap(method):
+    """A mass at 3 m/s whose thrust rises from four instants on: what each step lacks of its end is missing from the way."""
+    starts, rate = (0.21, 0.37, 0.7, 0.83), 4.0
+    m = mb.Model("pushed")
+    b = m.body("b", mass=2.0, inertia=(1, 1, 1), velocity=(3.0, 0, 0))
+    m.prismatic("rail", m.ground, b, at=(0, 0, 0), axis="x")
+    for i, start in enumerate(starts):
+        m.force(f"push{i}", b, at=(0, 0, 0), value=(mb.Ramp(rate=rate, start=start), 0, 0))
+    exact = 3.0 + sum(rate / 2.0 * (1.0 - start) ** 3 / 6.0 for start in starts)
+    found = mb.simulate(m, t=1.0, rtol=1e-12, method=method).position("b")[-1, 0]
+    assert found == pytest.approx(exact, rel=2e-12)

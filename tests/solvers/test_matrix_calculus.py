@@ -109,6 +109,20 @@ def test_functions_without_slopes_that_change_are_refused(f):
         mb.matrix_calculus.derivative(f, A + 1.0)
 
 
+@pytest.mark.parametrize("size", [1e-12, 1e-3, 1.0, 1e6, 1e12])
+def test_whether_a_function_is_analytic_does_not_depend_on_units(size):
+    """Entries and values in any unit: what changes without a slope is refused, what has an extremum is not."""
+    b = size * np.array([[1.3, -0.4], [0.0, 2.0]])
+    for value in (1e-15, 1.0, 1e15):
+        with pytest.raises(mb.errors.NotDifferentiableError, match="not analytic"):
+            mc.derivative(lambda x, value=value: value * np.abs(x) / size, b)
+        d = mc.derivative(lambda x, value=value: value * (x / size - 1.3) ** 2 / (x / size + 3.0), b[:1, :1])
+        assert np.abs(d) <= 1e-12 * value / size
+        steep = mc.derivative(lambda x, value=value: value * (x / size) ** 9 * (1 + x / size), b[1:, :1])
+        assert np.abs(steep).max() < 1e-100
+        assert not np.any(mc.derivative(lambda x, value=value: value * np.eye(2) + 0 * x, b))
+
+
 def test_entries_without_effect_are_zero():
     d = mb.matrix_calculus.derivative(lambda b: [[b[0, 0] ** 2, 3.0]], A)
     assert not d.any()

@@ -42,6 +42,11 @@ __all__ = [
 
 # Small enough that its square vanishes in double precision, large enough never to underflow.
 _COMPLEX_STEP = 1e-40
+# Step of the difference that looks for a function that is not analytic, over the entry, or the largest where it is zero; part of the change
+# in proportion that is seen. Larger: extrema are taken for what is not analytic; what changes little is not seen. Smaller: rounding is.
+_STEP, _SEEN = 1e-5, 1e-3
+# Rounding of a function, over its largest entry. Larger: entries that are small beside others are not looked at. Smaller: rounding is seen.
+_ROUNDING = 1e-13
 
 
 def _matrix(a: Any, name: str) -> np.ndarray:
@@ -234,13 +239,22 @@ def derivative(f: Callable[[np.ndarray], Any], b: ArrayLike) -> np.ndarray:
 
 def _silent(f: Callable[[np.ndarray], Any], b: np.ndarray, k: int) -> None:
     """An entry without slopes must leave the function as it is, to first order."""
-    step = 1e-5 * max(1.0, abs(float(b.ravel()[k])))
-    ends = []
-    for side in (1.0, -1.0):
-        moved = b.copy()
-        moved.ravel()[k] += side * step
-        ends.append(_matrix(f(moved), "the value of f"))
-    if np.any(np.abs(ends[0] - ends[1]) > 1e-3 * step * np.maximum(np.abs(ends[0]), 1.0)):
+    step = _STEP * (abs(float(b.ravel()[k])) or float(np.abs(b).max()) or 1.0)
+
+    def ends(step: float) -> list[np.ndarray]:
+        moved = np.array([b, b])
+        moved.reshape(2, -1)[:, k] += (step, -step)
+        return [_matrix(f(x), "the value of f") for x in moved]
+
+    low, high = ends(step)
+    size = np.maximum(np.abs(low), np.abs(high))
+    change = np.abs(high - low)
+    seen = change > _SEEN * _STEP * size + _ROUNDING * np.max(size)
+    if not np.any(seen):
+        return
+    low, high = ends(0.5 * step)
+    part = change / np.maximum(np.abs(high - low), np.finfo(float).tiny)
+    if np.any(seen & (part > 1.5) & (part < 3.0)):  # in proportion to the step
         raise NotDifferentiableError(
             "complex steps through f give zero where f changes: it is not analytic. Avoid abs, np.linalg.norm, conjugates and .real; "
             "write np.sqrt(np.sum(x**2))"

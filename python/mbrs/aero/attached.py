@@ -22,6 +22,9 @@ SLOWEST, FASTEST = -28.0, 3.2
 # Rates at which its integral is summed. Fewer: the error, which falls exponentially with their number, is above rounding. More: time.
 # Pinned by test_wagners_function.
 RATES = 260
+# Relative changes that end the fit of the indicial function. Larger: weights and rates stop short of the best. Smaller: rounding never
+# ends.
+_FITTED = 1e-14
 
 
 def theodorsen(k: ArrayLike) -> np.ndarray:
@@ -179,7 +182,7 @@ def _fit(n: int) -> Indicial:
 
     start = np.concatenate([np.zeros(n), np.linspace(np.log(0.01), np.log(0.6), n)])
     weights, rates = parts(
-        least_squares(miss, start, method="trf", x_scale="jac", xtol=1e-14, ftol=1e-14, gtol=1e-14).x
+        least_squares(miss, start, method="trf", x_scale="jac", xtol=_FITTED, ftol=_FITTED, gtol=_FITTED).x
     )
     order = np.argsort(rates)
     return Indicial(weights[order], rates[order])

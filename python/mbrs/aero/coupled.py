@@ -30,6 +30,9 @@ __all__ = ["Blades", "Induction", "RotorWakeInduction", "induction", "rotor_fram
 STEPS = 24
 # Rounds of a prescribed wake and the loads that cause it, and the relative change of the circulation that ends them.
 ROUNDS, AGREED, RELAXED = 40, 1e-4, 0.4
+# Residual of the circulations, relative, from which on a step is told to be out of balance. Larger: unbalanced loads pass. Smaller:
+# rounding near stall is told.
+UNBALANCED = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -263,7 +266,7 @@ class RotorWakeInduction:
         known = wake.with_circulation(np.zeros(wake.strength.shape[:2])).induced(lines.rear)
         wind = blades.wind.velocity(lines.rear) - lines.rear_velocity
         found = bound_circulation(lines, blades, known + wind, wake.influence(lines.rear), wake.strength[..., 0])
-        self.unbalanced += found.residual > 1e-6
+        self.unbalanced += found.residual > UNBALANCED
         return found.circulation, found.wind - wind
 
     def _thrust(self, lines: Lines, gamma: np.ndarray) -> float:

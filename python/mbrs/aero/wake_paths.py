@@ -13,6 +13,9 @@ __all__ = ["Path", "hover_path", "prescribed", "wind_path"]
 
 # Largest axial induction for which a wake is drawn; momentum theory has none beyond 1/2. Larger: wakes that stand still.
 MOST_INDUCTION = 0.45
+# Thrust coefficient of a hovering rotor for which a wake is drawn at least. Larger: wakes of light rotors go down too fast. Smaller: all
+# particles of an unloaded rotor lie in its disc, where their velocities have no bound.
+LEAST_THRUST = 1e-6
 
 
 @dataclass(frozen=True)
@@ -38,7 +41,7 @@ def hover_path(thrust: float, solidity: float, blades: int, radius: float, twist
     A. J. Landgrebe, "The wake geometry of a hovering helicopter rotor and its influence on rotor performance", J. Am. Helicopter
     Soc. 17 (1972) 3.
     """
-    ct = max(abs(thrust), 1e-6)
+    ct = max(abs(thrust), LEAST_THRUST)
     k1 = 0.25 * (ct / solidity + 0.001 * twist)
     k2 = (1.41 + 0.0141 * twist) * np.sqrt(0.5 * ct)
     passage = 2.0 * np.pi / blades

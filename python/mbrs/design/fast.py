@@ -37,6 +37,8 @@ from .outputs import Analysis, Equilibrium, Frf, Modes
 
 # Seconds of a block of designs, after which the client looks for Ctrl-C.
 _BLOCK = 0.05
+# Seconds that a design takes at least, by a clock that may not have moved. Only the length of a block depends on it.
+_TICK = 1e-9
 
 Place = tuple[int | None, list[int]]
 
@@ -102,7 +104,7 @@ class FastPlan:
             # rows that a cluster has sent may begin at any byte
             r = self._plan.compute(np.require(values[: self._size], requirements=["C", "A"]), threads)
         one = (time.perf_counter() - start) / len(r["count"])
-        self._size = max(threads, min(4 * self._size, int(_BLOCK / max(one, 1e-9))))
+        self._size = max(threads, min(4 * self._size, int(_BLOCK / max(one, _TICK))))
         return Block(r["count"] >= 0, r["seconds"], r["remark"], r["count"], r["arrays"], self._outputs)
 
 

@@ -30,6 +30,8 @@ _UNSEEN = 1.0
 _PART = 0.1
 # A parameter with this part of a direction that is lost has no standard deviation.
 _HELD = 1e-6
+# A factor that differs from one by less is not written: it would be with its two digits.
+_ONE = 0.005
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,7 +76,7 @@ def _words(direction: np.ndarray, labels: Sequence[str], spread: float) -> str:
     for k in order:
         size = abs(scaled[k])
         sign = ("" if scaled[k] > 0 else "-") if not text else (" + " if scaled[k] > 0 else " - ")
-        text += sign + ("" if abs(size - 1.0) < 0.005 else f"{size:.2g} ") + labels[k]
+        text += sign + ("" if abs(size - 1.0) < _ONE else f"{size:.2g} ") + labels[k]
     return f"{text} (relative changes): " + (
         "not seen at all" if math.isinf(spread) else f"seen to {100 * spread:.3g} %"
     )

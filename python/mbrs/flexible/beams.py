@@ -27,6 +27,11 @@ __all__ = ["beam", "modal_damping"]
 
 Array = np.ndarray
 THEORIES = ("euler-bernoulli", "timoshenko")
+# Places along a beam that differ by less of its length are one. Larger: short parts are left out. Smaller: elements of no length.
+_SAME_PLACE = 1e-9
+# Smallest stiffness or mass, over the largest, by which the taper of an interval is measured. Larger: tips have too few elements. Smaller:
+# pointed ones have elements without end.
+_POINTED = 1e-3
 
 
 def beam(
@@ -278,7 +283,7 @@ def _attached(attach: Any, places: dict[str, float], fixed: Any) -> list[str]:
 def _mesh(x: Array, properties: dict[str, Array], places: dict[str, float], elements: int, shear: bool) -> Mesh:
     """Nodes at stations and named places, the longest intervals cut until there are enough."""
     breaks = np.unique(np.concatenate([x, list(places.values())]))
-    breaks = breaks[np.concatenate([[True], np.diff(breaks) > 1e-9 * x[-1]])]
+    breaks = breaks[np.concatenate([[True], np.diff(breaks) > _SAME_PLACE * x[-1]])]
     lengths = np.diff(breaks)
     parts = np.maximum(np.rint(elements * lengths / x[-1]), _taper(breaks, x, properties)).astype(int)
     grid = [np.linspace(a, b, n, endpoint=False) for a, b, n in zip(breaks[:-1], breaks[1:], parts, strict=True)]
@@ -294,7 +299,7 @@ def _taper(breaks: Array, x: Array, properties: dict[str, Array]) -> Array:
     out = np.ones(len(breaks) - 1)
     for name in _NEEDED:
         at = np.interp(breaks, x, properties[name])
-        at = np.maximum(at, 1e-3 * np.max(at))  # a pointed tip has no ratio
+        at = np.maximum(at, _POINTED * np.max(at))  # a pointed tip has no ratio
         out = np.maximum(out, np.ceil(np.abs(np.diff(np.log(at))) / np.log(1.25)))
     return out
 

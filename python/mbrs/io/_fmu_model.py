@@ -54,8 +54,7 @@ class MbrsModel(Fmi2Slave):
     def _simulate(self, begin, end):
         """The motion of a step, or of a moment without one."""
         self.model.set(self.p | {self.parameters[name]: value for name, value in self.u.items()})
-        times = [begin, end] if end > begin else [begin, begin + 1e-9]
-        return self.simulate(self.model, np.array(times), at=self.state, **self.options)
+        return self.simulate(self.model, np.unique([begin, end]), at=self.state, **self.options)
 
     def _observe(self, traj, last=False):
         row = -1 if last else 0

@@ -19,6 +19,9 @@ from ._xml import Node, Source, clipped
 
 # How many folders above a robot's own may be the package that it names. Pinned by tests/io/test_pictures.py.
 _ABOVE = 3
+# Largest entry of a rotation less the unit matrix that is rounding. Larger: pictures lose a small turn. Smaller: an orientation is written
+# of pictures that have none.
+_TURNED = 1e-12
 
 
 @dataclass
@@ -39,7 +42,7 @@ class Picture:
         own = self.frame.within(body)
         if not (np.all(np.isfinite(own.R)) and np.all(np.isfinite(own.p))):
             raise ModelError("a picture lies at no finite place")
-        turned = not np.allclose(own.R, np.eye(3), rtol=0.0, atol=1e-12)
+        turned = not np.allclose(own.R, np.eye(3), rtol=0.0, atol=_TURNED)
         given: dict[str, Any] = {"at": _tidy(own.p), "colour": self.colour}
         if turned:
             given["orientation"] = _tidy(matrix_to_quaternion(own.R))

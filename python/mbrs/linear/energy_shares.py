@@ -15,6 +15,10 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+# Sum of energies over the sum of their sizes below which shares are of rounding, and not given. Larger: modes lose their shares. Smaller:
+# shares of thousands of percent.
+_CANCELLED = 1e-12
+
 
 @result
 class EnergyShares(Result):
@@ -85,7 +89,9 @@ def energy_shares(r: Any) -> EnergyShares:
         parts = (x.conj() * (a @ x)).real
         total = parts.sum(axis=0)
         scale = np.abs(parts).sum(axis=0)
-        return np.asarray(np.divide(parts, total, out=np.full_like(parts, np.nan), where=np.abs(total) > 1e-12 * scale))
+        return np.asarray(
+            np.divide(parts, total, out=np.full_like(parts, np.nan), where=np.abs(total) > _CANCELLED * scale)
+        )
 
     kinetic = shares(r.system.M)
     strain = shares(r.system.K)

@@ -36,6 +36,8 @@ _UNRESOLVED = 1e-9
 # Relative error of an eigenvalue above which a result is not called converged. Too small: critical damping and defects, which have no
 # more digits than these, count as failures. Too large: wrong digits pass. Pinned by tests/truth/test_graded_modes.py.
 _DOUBTFUL = 1e-4
+# Shares of energy that differ by less of the largest are equal. Larger: a mode is named after what holds less. Smaller: rounding names it.
+_EQUAL = 1e-9
 
 
 @result
@@ -360,7 +362,7 @@ def dominant_in(r: ModalResult) -> list[str]:
 
 def _first_largest(values: np.ndarray) -> int:
     """The first among equals, whatever rounding says."""
-    return int(np.argmax(values >= values.max() * (1.0 - 1e-9)))
+    return int(np.argmax(values >= values.max() * (1.0 - _EQUAL)))
 
 
 def _direction(r: ModalResult, body: int, mode: int) -> str:

@@ -21,6 +21,9 @@ if TYPE_CHECKING:
     from .modal_result import ModalResult
 
 __all__ = ["RotorModes", "multiblade", "rotor_modes"]
+# Turn (rad) by which blades may be away from even spacing. Larger: the transformation is of another rotor. Smaller: azimuths with seven
+# digits are refused.
+_EVEN = 1e-6
 
 
 def multiblade(values: ArrayLike, azimuth: ArrayLike, inverse: bool = False) -> np.ndarray:
@@ -68,7 +71,7 @@ def multiblade(values: ArrayLike, azimuth: ArrayLike, inverse: bool = False) -> 
     if psi.ndim == 0 or psi.shape[-1] != n:
         raise ModelError(f"multiblade: azimuth must end in the number of blades, {n}; got shape {psi.shape}")
     spacing = np.diff(psi, axis=-1) - 2 * np.pi / n
-    if np.max(np.abs(np.exp(1j * spacing) - 1), initial=0.0) > 1e-6:
+    if np.max(np.abs(np.exp(1j * spacing) - 1), initial=0.0) > _EVEN:
         raise ModelError(f"multiblade: the blades must be evenly spaced, 2 pi / {n} apart in the order given")
     columns = [np.ones(psi.shape)]
     for harmonic in range(1, (n - 1) // 2 + 1):

@@ -31,6 +31,9 @@ if TYPE_CHECKING:
 _KINDS = ("displacement", "velocity", "acceleration")
 # bytes of a value: of a load its samples and their curvature, of an output three motions and their errors, once in the core and once here
 _ROOM = 96.0
+# Difference of a load by one call for all times from calls one by one, relative. Larger: functions that mean arrays otherwise pass.
+# Smaller: rounding sends them one by one, which takes longer.
+_SAME_LOAD = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
@@ -406,7 +409,7 @@ def _vectorised(load: Callable[[Any], Any], t: np.ndarray) -> np.ndarray | None:
         single = np.array([float(load(float(t[k]))) for k in probe])
     except Exception:
         return None
-    return values if np.allclose(values[probe], single, rtol=1e-12, atol=0.0, equal_nan=True) else None
+    return values if np.allclose(values[probe], single, rtol=_SAME_LOAD, atol=0.0, equal_nan=True) else None
 
 
 def _curvature_bulge(t: np.ndarray, u: np.ndarray) -> np.ndarray:

@@ -24,6 +24,11 @@ if TYPE_CHECKING:
 _POINTS = 4  # a cubic shape times a linear load, and to spare
 # A component below this share of the largest of its kind is rounding, and makes no load.
 _NOTHING = 1e-13
+# Part of the length of a body by which stations may lie beyond its ends. Larger: loads beyond the body pass. Smaller: lengths that were
+# added up are refused.
+_ON_BODY = 1e-9
+# Part of that length below which loads have no arm about the line of nodes. Larger: their moment is lost. Smaller: rounding makes loads.
+_ON_LINE = 1e-9
 
 
 class ModalLoad(Load):
@@ -88,7 +93,7 @@ class _Line:
 
     def __init__(self, label: str, modal: ModalBody, stations: np.ndarray) -> None:
         along, points = line_of(label, modal)
-        if stations[0] < -1e-9 * along[-1] or stations[-1] > (1 + 1e-9) * along[-1]:
+        if stations[0] < -_ON_BODY * along[-1] or stations[-1] > (1 + _ON_BODY) * along[-1]:
             raise problem(
                 label + ".stations",
                 f"must lie on the body, 0 to {along[-1]:g} m, got {stations[0]:g} to {stations[-1]:g}",
@@ -172,7 +177,7 @@ def _on_nodes(
     f, moment = line.loads(values)
     made = _Maker(book, owner, label, when, kind)
     arm = line.r[None] - np.einsum("jn,ja->na", share, owner.modal.node_position[[i for _, i in nodes]])[None]
-    extra = moment if np.abs(arm).max() < 1e-9 * line.along[-1] else moment + np.cross(arm @ _rotation(owner).T, f)
+    extra = moment if np.abs(arm).max() < _ON_LINE * line.along[-1] else moment + np.cross(arm @ _rotation(owner).T, f)
     for (_, i), hat in zip(nodes, share, strict=True):
         name = owner.nodes[i]
         made.add_on(name, "force", np.einsum("n,tna->ta", hat, f), i)

@@ -18,6 +18,9 @@ if TYPE_CHECKING:
 
 # Beyond this growth over the run a mode is worth a warning.
 _GROWTH = 1.1
+# Growth over |s| of an oscillation up to which it is steady. Larger: what grows by itself is blamed on steps. Smaller: rounding of undamped
+# modes keeps silent.
+_UNDAMPED = 1e-9
 # Larger models are not solved for their modes only to be warned of.
 _LARGEST = 300
 
@@ -54,7 +57,7 @@ def warn_amplified(m: Model, at: Any, steps: ArrayLike) -> None:
 
 def _steady(s: complex) -> bool:
     """An oscillation without damping, or with less than counts; not one that grows by itself."""
-    return s.imag > 0.0 and s.real <= 1e-9 * abs(s)
+    return s.imag > 0.0 and s.real <= _UNDAMPED * abs(s)
 
 
 def _modes(m: Model, at: Any) -> Any:

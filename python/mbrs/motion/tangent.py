@@ -34,9 +34,16 @@ _ROUNDED = 1e-12
 RHO = 0.8
 # (t, element, what) of a kink that was passed.
 Kink = tuple[float, str, str]
+# Part of a step that is not worth one of its own. Larger: steps are longer than asked for. Smaller: rounding makes splinters.
+_SPLINTER = 1e-9
+# Step of differences of the start, over the value of the parameter or the model's length. Larger: what bends is taken for what is wrong.
+# Smaller: rounding hides it.
 _STEP = 1e-5
 # Differences of the start that are off by more than this (relative) show a start that moves otherwise than its derivative says.
 _OFF = 1e-4
+# Accuracy of a closed start, over the model's length. Larger: starts that a guess moves a little pass. Smaller: the closing of loops is
+# taken for a guess.
+_CLOSED = 1e-12
 
 
 @dataclass(frozen=True)
@@ -155,7 +162,7 @@ def grid(start: float, end: float, step: float, through: Sequence[float] = ()) -
     marks = _apart([start, *sorted(float(x) for x in through if start < x < end), end])
     out = [start]
     for a, b in itertools.pairwise(marks):
-        n = max(1, math.ceil((b - a) / step * (1 - 1e-12) - 1e-9))
+        n = max(1, math.ceil((b - a) / step * (1 - _ROUNDED) - _SPLINTER))
         out.extend(np.linspace(a, b, n + 1)[1:].tolist())
     return np.array(out)
 
@@ -226,7 +233,7 @@ def quantity_derivative(run: Run, parameters: Sequence[str], what: str, t: np.nd
     require_followed_guess(run, along)
     made = run.direct([asked], along)
     warn_of(made["kinks"])
-    at = np.searchsorted(made["t"], t - 1e-12 * max(1.0, abs(float(t[-1]))))
+    at = np.searchsorted(made["t"], t - least_gap(float(t[0]), float(t[-1])))
     values, d = made["values"][at], made["derivatives"][at]
     sizes = np.nan_to_num([value_at(run.model, label) for label in along.labels], nan=1.0)
     warn_of_growth(float(np.abs(d * sizes).max(initial=0.0) / (np.abs(values).max(initial=0.0) or math.inf)))
@@ -254,19 +261,22 @@ def require_followed_guess(run: Run, along: Directions) -> None:
     for body in range(len(run.model.bodies)):
         asked += [("point", body, 0, None, None), ("rotation", body, 0, None, None)]
     start = replace(run, times=run.times[:1])
-    exact = start.direct(asked, along)["derivatives"][0]
+    length = float(run.snapshot.system.characteristic_length)
+    natural = np.tile([length] * 3 + [1.0] * 9, len(run.model.bodies))
+    exact = start.direct(asked, along)["derivatives"][0] / natural[:, None]
     x = np.array(run.snapshot.tables["x"], dtype=float)
-    for p, label in enumerate(along.labels):
+    for p, (label, unit) in enumerate(zip(along.labels, along.units, strict=True)):
         way = along.dense[:, p]
         if not way.any():
             continue
-        size = _STEP * max(1.0, float(np.abs(x[way != 0.0]).max())) / float(np.abs(way).max())
-        ends = [_values(start, x + side * size * way, asked) for side in (1.0, -1.0)]
+        value = max(float(np.abs(x[way != 0.0]).max()), {"m": length, "rad": 1.0}.get(unit, 0.0))
+        size = _STEP * (value or length) / float(np.abs(way).max())
+        ends = [_values(start, x + side * size * way, asked) / natural for side in (1.0, -1.0)]
         difference = (ends[0] - ends[1]) / (2.0 * size)
-        floor = 1e-12 * float(np.abs(ends[0]).max(initial=1.0)) / size
+        rounding = _CLOSED * float(np.abs(ends[0]).max()) / size
         if (
             np.abs(difference - exact[:, p]).max()
-            > _OFF * np.abs(difference).max() + floor + _OFF * np.abs(exact[:, p]).max()
+            > _OFF * np.abs(difference).max() + rounding + _OFF * np.abs(exact[:, p]).max()
         ):
             raise NotDifferentiableError(
                 f"{label!r} moves the start through the first guess pose= of a body, of which there is no derivative: draw the bodies "

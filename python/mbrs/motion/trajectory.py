@@ -41,6 +41,10 @@ if TYPE_CHECKING:
     from ..view.motion import MotionPage
 
 
+# Part of a motion by which a time may miss the output that it names. Larger: a neighbour is taken. Smaller: sums like 0.1 + 0.2 miss.
+_SAME_TIME = 1e-9
+
+
 def _squeezed(values: np.ndarray) -> np.ndarray:
     return values[:, 0] if values.shape[1] == 1 else values
 
@@ -384,7 +388,7 @@ class Trajectory(AirMotion, Result):
         """The output at a time."""
         asked = real_number("t", t, give="name an output time, one of traj.t")
         i = int(np.argmin(np.abs(self.t - asked)))
-        if abs(self.t[i] - asked) > 1e-9 * max(1.0, abs(asked)):
+        if abs(self.t[i] - asked) > _SAME_TIME * max(self.t[-1] - self.t[0], abs(asked)):
             raise ModelError(f"t = {t} is not an output time; the nearest is {self.t[i]:.9g}: name times with t=[...]")
         return i
 

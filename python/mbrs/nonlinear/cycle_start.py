@@ -25,7 +25,29 @@ MOST_EVALUATIONS = 150_000
 # searches for a period begin too early; too small, too late (tests/nonlinear/test_hbm_cycle.py)
 SETTLED = 0.05
 FIRST = Fourier(1, condense=False)  # one harmonic of all coordinates
-AMPLITUDES = np.geomspace(1e-6, 1e6, 121)
+# Part by which laws change the forces of a mode, or the power that feeds it, from the amplitude on at which they are felt. Larger: cycles
+# of laws that bend early are passed over. Smaller: rounding of the forces is felt.
+FELT = 0.01
+# Rounding of that power, over that of the springs. Larger: weak laws are not felt. Smaller: rounding is.
+NOISE = 1e-12
+# Range of amplitudes in which laws are felt, from here to one over it; and the smallest over the displacement of rest. Larger: laws that
+# bend early are not seen to. Smaller: squares of amplitudes are lost, or what moves is rounding of what rests.
+SMALLEST, SMALL_BESIDE_REST = 1e-100, 1e-6
+# Amplitudes at which power is balanced, over the one at which laws are felt. Further up: searches for nothing. Less: cycles of
+# friction that is regularised far below the speed of the motion are not found.
+AMPLITUDES = np.geomspace(1e-1, 1e11, 121)
+# Relative and absolute accuracy of the motion that is to settle, and of the one that is to repeat itself, over the size of each coordinate.
+# Larger: neighbours of the cycle are taken for it. Smaller: evaluations for nothing, as collocation or balance follows.
+SETTLING, REPEATING = (1e-7, 1e-9), (1e-9, 1e-11)
+# Distance over the size of the motion at which it has come back. Larger: a loop of a motion of several is taken for all. Smaller: motions
+# that still settle are not seen to repeat themselves.
+BACK = 1e-3
+# Coordinates that move less than this part of what the energy of the motion could give them count as if they moved so much: rounding.
+# Larger: small coordinates are not compared. Smaller: rounding never repeats itself.
+AT_LEAST = 1e-6
+# Tolerance of the first mesh of collocation, and of those that refine it until the error is small enough. Larger: the error is taken of a
+# mesh that is too coarse. Smaller: nodes for nothing.
+FIRST_MESH, FINER_MESHES = 1e-4, (1e-6, 1e-7, 1e-8)
 
 
 @dataclass(frozen=True)
@@ -57,52 +79,87 @@ def equilibrium(system: Any, force: Any) -> np.ndarray:
 
 
 def tangent(system: Any, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """M, C, K with the slopes of the laws at rest in x, by differences (a start needs no more)."""
+    """M, C, K with the slopes of the laws at rest in x; those of laws with memory by the rate are left out."""
     M, C, K = (A.copy() for A in condensation.dense(system))
-    for law in system.elements:
-        u = float(law.w @ x)
-        h = 1e-6 * max(1.0, abs(u))
-        k = float(law.force(u + h, 0.0) - law.force(u - h, 0.0)) / (2 * h)
-        c = 0.0 if law.has_memory else float(law.force(u, 1e-6) - law.force(u, -1e-6)) / 2e-6
+    core = balance.core_elements(system.elements, [law.w for law in system.elements])
+    for i, law in enumerate(system.elements):
+        _, k, c = core.slopes(i, 0.0, float(law.w @ x), 0.0)
         K += k * np.outer(law.w, law.w)
-        C += c * np.outer(law.w, law.w)
+        C += (0.0 if law.has_memory else c) * np.outer(law.w, law.w)
     return M, C, K
+
+
+class Modes:
+    """The modes about rest, and what amplitudes of one of them do; an amplitude is the root of c^H M c."""
+
+    def __init__(self, system: Any, force: Any) -> None:
+        n = system.n
+        self.rest = equilibrium(system, force)
+        self.M, C, K = tangent(system, self.rest)
+        A = np.block([[np.zeros((n, n)), np.eye(n)], [-np.linalg.solve(self.M, K), -np.linalg.solve(self.M, C)]])
+        self.s, shapes = np.linalg.eig(A)
+        self.shapes = shapes[:n] / np.sqrt([np.vdot(c, self.M @ c).real for c in shapes[:n].T])
+        self.core = balance.prepare(system, force, FIRST).core
+
+    def unstable(self) -> list[int]:
+        """Indices of the modes that grow, the fastest first."""
+        return [i for i in np.argsort(-self.s.real) if self.s[i].real > 0 and self.s[i].imag >= 0]
+
+    def forces(self, c: np.ndarray, w: float) -> np.ndarray:
+        """First coefficient of all forces in the motion rest + Re c exp(i w t)."""
+        X = _first_harmonic(self.rest, c)
+        with np.errstate(all="ignore"):  # amplitudes may be anywhere
+            R = self.core.residual(self.core.restrict(X), [w])["residual"].reshape(3, -1)
+        return np.asarray(R[1] - 1j * R[2])
+
+    def power(self, c: np.ndarray, w: float) -> float:
+        """Mean power that all forces take out of the motion rest + Re c exp(i w t), divided by c^H M c."""
+        return float((np.conj(1j * w * c) @ self.forces(c, w)).real / 2 / np.vdot(c, self.M @ c).real)
+
+    def felt(self, c: np.ndarray, w: float) -> float | None:
+        """The amplitude along c from which on laws are felt, or None."""
+        low, high = max(SMALLEST, SMALL_BESIDE_REST * np.sqrt(self.rest @ self.M @ self.rest)), 1.0 / SMALLEST
+        linear = self.forces(low * c, w) / low
+        fed = abs((np.conj(1j * w * c) @ linear).real) / 2
+
+        def bends(a: float) -> bool:
+            change = self.forces(a * c, w) / a - linear
+            size = np.sqrt(abs(np.vdot(change, np.linalg.solve(self.M, change))))
+            power = abs((np.conj(1j * w * c) @ change).real) / 2
+            return not (size <= FELT * w**2 and power <= FELT * fed + NOISE * w**3)
+
+        if not bends(high):
+            return None
+        while high > (1.0 + FELT) * low:
+            middle = np.sqrt(low) * np.sqrt(high)
+            low, high = (low, middle) if bends(middle) else (middle, high)
+        return float(high)
 
 
 def candidates(system: Any, force: Any, omega: float | None) -> Iterator[tuple[np.ndarray, float]]:
     """(X, omega) for every unstable mode of the equilibrium and every amplitude at which one harmonic balances its
     energy."""
+    from scipy.optimize import brentq
+
     if system.n > 200:
         return
-    rest = equilibrium(system, force)
-    M, C, K = tangent(system, rest)
-    n = system.n
-    A = np.block([[np.zeros((n, n)), np.eye(n)], [-np.linalg.solve(M, K), -np.linalg.solve(M, C)]])
-    s, shapes = np.linalg.eig(A)
-    unstable = [i for i in np.argsort(-s.real) if s[i].real > 0 and s[i].imag >= 0]
-    setup = balance.prepare(system, force, FIRST)
-    for i in unstable:
-        w = abs(s[i]) if omega is None else omega
-        if w == 0:
+    modes = Modes(system, force)
+    for i in modes.unstable():
+        w = abs(modes.s[i]) if omega is None else omega
+        shape = modes.shapes[:, i]
+        start = modes.felt(shape, w)
+        if start is None:
             continue
-        shape = shapes[:n, i] / shapes[np.argmax(np.abs(shapes[:n, i])), i]
-        powers = [_power(setup, rest, a * shape, w) for a in AMPLITUDES]
-        for a, p, b, q in zip(AMPLITUDES, powers, AMPLITUDES[1:], powers[1:], strict=False):
+        power = lambda x: modes.power(np.exp(x) * shape, w)  # noqa: B023, E731
+        logarithms = np.log(start * AMPLITUDES)
+        powers = [power(x) for x in logarithms]
+        for a, p, b, q in zip(logarithms, powers, logarithms[1:], powers[1:], strict=False):
             if p < 0 <= q:
-                amplitude = a + (b - a) * p / (p - q)
-                yield _first_harmonic(rest, amplitude * shape), w
+                yield _first_harmonic(modes.rest, np.exp(brentq(power, a, b)) * shape), w
 
 
 def _first_harmonic(rest: np.ndarray, c: np.ndarray) -> np.ndarray:
     return np.column_stack([rest, c.real, -c.imag])
-
-
-def _power(setup: Any, rest: np.ndarray, c: np.ndarray, w: float) -> float:
-    """Mean power that all forces take out of the motion rest + Re c exp(i w t), divided by |c|^2."""
-    X = _first_harmonic(rest, c)
-    R = setup.core.residual(setup.core.restrict(X), [w])["residual"].reshape(3, -1)
-    force = R[1] - 1j * R[2]
-    return float((np.conj(1j * w * c) @ force).real / 2 / np.sum(np.abs(c) ** 2))
 
 
 def by_integration(system: Any, force: Any, cycles: int = 12) -> Start | None:
@@ -111,32 +168,42 @@ def by_integration(system: Any, force: Any, cycles: int = 12) -> Start | None:
 
     if any(law.has_memory for law in system.elements) or system.n > 200:
         return None
-    rest = equilibrium(system, force)
-    M, C, K = tangent(system, rest)
-    n = system.n
-    A = np.block([[np.zeros((n, n)), np.eye(n)], [-np.linalg.solve(M, K), -np.linalg.solve(M, C)]])
-    s, shapes = np.linalg.eig(A)
-    fastest = int(np.argmax(s.real))
-    if s[fastest].real <= 0:
+    modes = Modes(system, force)
+    fastest = int(np.argmax(modes.s.real))
+    s, c = modes.s[fastest], modes.shapes[:, fastest]
+    amplitude = modes.felt(c, abs(s)) if s.real > 0 else None
+    if amplitude is None:
         return None
     rate = Bounded(verify.first_order(system, force, 1.0))
-    scale = max(float(np.max(np.abs(rest))), 1.0)
-    state = np.concatenate([rest, np.zeros(n)]) + 1e-2 * scale * shapes[:, fastest].real
-    length = cycles * 2 * np.pi / max(abs(s[fastest]), 1e-12)
-    size = np.zeros(2 * n)
+    state = np.concatenate([modes.rest, np.zeros(system.n)]) + amplitude * np.concatenate([c, s * c]).real
+    natural = per_energy(modes.M, abs(s))
+    length, size = cycles * 2 * np.pi / abs(s), amplitude * natural
     try:
         while True:  # a relaxation oscillation is much slower than the growth of its disturbance
-            run = solve_ivp(rate, (0, length), state, method="LSODA", rtol=1e-7, atol=1e-9 * scale)
+            rtol, atol = SETTLING
+            run = solve_ivp(rate, (0, length), state, method="LSODA", rtol=rtol, atol=atol * size)
             if not run.success or not np.all(np.isfinite(run.y[:, -1])):
                 return None
-            state, before, size = run.y[:, -1], size, np.ptp(run.y, axis=1)
+            state, before, size = run.y[:, -1], size, sizes(run.y, natural)
             if np.all(np.abs(size - before) <= SETTLED * size):
-                found = _repeating(rate, state, length, n)
+                found = _repeating(rate, state, length, size)
                 if found is not None:
                     return found
             length *= 1.5
     except TooLong:
         return None
+
+
+def per_energy(M: np.ndarray, w: float) -> np.ndarray:
+    """Displacements and rates (2 n,) of coordinates that hold alone, and at the rate ``w``, what an amplitude of one holds."""
+    displacement = 1.0 / np.sqrt(np.diag(M))
+    return np.concatenate([displacement, w * displacement])
+
+
+def sizes(path: np.ndarray, natural: np.ndarray) -> np.ndarray:
+    """Amplitudes of the rows of a path (2 n, m), at least a small part of the largest, compared by ``natural`` (2 n,)."""
+    moved = 0.5 * np.ptp(path, axis=1)
+    return np.maximum(moved, AT_LEAST * np.max(moved / natural) * natural)
 
 
 class TooLong(Exception):
@@ -156,24 +223,25 @@ class Bounded:
         return np.asarray(self.rate(t, y))
 
 
-def _repeating(rate: Any, state: np.ndarray, length: float, n: int) -> Start | None:
+def _repeating(rate: Any, state: np.ndarray, length: float, size: np.ndarray) -> Start | None:
+    """A period of the motion from ``state`` within ``length``, whose coordinates and rates move by ``size`` (2 n,)."""
     from scipy.integrate import solve_ivp
 
-    speed = rate(0.0, state)
+    n = len(state) // 2
+    speed = rate(0.0, state) / size
     origin = state.copy()
 
     def section(t: float, y: np.ndarray) -> float:
-        return float(speed @ (y - origin)) if t > 0 else 1.0
+        return float(speed @ ((y - origin) / size)) if t > 0 else float(speed @ speed)
 
     section.direction = 1.0  # type: ignore[attr-defined]
-    given = dict(method="LSODA", rtol=1e-9, atol=1e-11)
-    largest = float(np.max(np.abs(state)))
+    given = dict(method="LSODA", rtol=REPEATING[0], atol=REPEATING[1] * size)
     for piece in range(PIECES):
         span = (piece * length / PIECES, (piece + 1) * length / PIECES)
         part = solve_ivp(rate, span, state, events=section, **given)
-        state, largest = part.y[:, -1], max(largest, float(np.max(np.abs(part.y))))
+        state = part.y[:, -1]
         for t, y in zip(part.t_events[0], part.y_events[0], strict=True):
-            if t > 1e-9 * length and np.linalg.norm(y - origin) < 1e-3 * largest:
+            if t > 0 and np.linalg.norm((y - origin) / size) < BACK:
                 run = solve_ivp(rate, (0, t), origin, dense_output=True, **given)
                 samples = run.sol(np.linspace(0, t, 4096, endpoint=False))[:n]
                 # the steps of the integration lie where the motion is fast
@@ -199,28 +267,30 @@ def collocate(system: Any, force: Any, start: Start, top: int, limit: float) -> 
     ``top`` harmonics, and as many as leave less than a third of the error ``limit``."""
     from scipy.integrate import solve_bvp
 
-    w, mesh, y = start.omega, start.mesh, start.path
-    n = system.n
+    n, w = system.n, start.omega
     rate = verify.first_order(system, force, 1.0)
-    anchor, direction = y[:, 0].copy(), rate(0.0, y[:, 0])
+    # all is solved in these sizes, as SciPy measures errors over one and more
+    size = sizes(start.path, per_energy(condensation.dense(system)[0], w))[:, None]
+    y = start.path / size
+    anchor, direction = y[:, 0].copy(), rate(0.0, start.path[:, 0]) / size[:, 0]
     direction = direction / np.linalg.norm(direction)
 
     def fun(_: np.ndarray, y: np.ndarray, p: np.ndarray) -> np.ndarray:
-        return p[0] * rate(0.0, y)
+        return np.asarray(p[0] * rate(0.0, size * y) / size)
 
     def ends(a: np.ndarray, b: np.ndarray, _: np.ndarray) -> np.ndarray:
         return np.append(b - a, direction @ (a - anchor))
 
     phases = np.linspace(0, 1, COLLOCATION_SAMPLES, endpoint=False)
     with np.errstate(all="ignore"):  # trials may be anywhere
-        solution = solve_bvp(fun, ends, mesh, y, p=[2 * np.pi / w], tol=1e-4, max_nodes=MOST_NODES)
+        solution = solve_bvp(fun, ends, start.mesh, y, p=[2 * np.pi / w], tol=FIRST_MESH, max_nodes=MOST_NODES)
     if not (solution.success and np.isfinite(solution.p[0]) and solution.p[0] > 0):
         raise ConvergenceError(
             f"collocation found no cycle near the guess: {solution.message}; give a nearer one with omega= and x0=",
             None,
         )
     error, samples, period = np.inf, solution.sol(phases)[:n], float(solution.p[0])
-    for tolerance in (1e-6, 1e-7, 1e-8):
+    for tolerance in FINER_MESHES:
         with np.errstate(all="ignore"):
             finer = solve_bvp(fun, ends, solution.x, solution.y, p=solution.p, tol=tolerance, max_nodes=MOST_NODES)
         if not (solution.success and finer.success):
@@ -233,10 +303,11 @@ def collocate(system: Any, force: Any, start: Start, top: int, limit: float) -> 
         if error <= limit / 2:
             break
     if not np.isfinite(error):
-        return coefficients(samples, max(top, 255)), period, error, len(solution.x)
+        return size[:n] * coefficients(samples, max(top, 255)), period, error, len(solution.x)
     every = coefficients(samples, COLLOCATION_SAMPLES // 4)
     amplitudes = np.hypot(every[:, 1::2], every[:, 2::2]) / np.max(np.abs(every))
     left_out = np.max(np.cumsum(amplitudes[:, ::-1], axis=1), axis=0)[::-1]  # [h]: what the harmonics beyond h hold
     enough = left_out <= limit / 3
     top = max(top, 1, int(np.argmax(enough)) if np.any(enough) else len(left_out) - 1)
-    return every[:, : 2 * top + 1], period, error + float(left_out[min(top, len(left_out) - 1)]), len(solution.x)
+    X = size[:n] * every[:, : 2 * top + 1]
+    return X, period, error + float(left_out[min(top, len(left_out) - 1)]), len(solution.x)

@@ -27,6 +27,10 @@ if TYPE_CHECKING:
     from ..model.model import Model
     from ..system.state import StateLike
 
+# Largest coefficient over that of the start from which on a motion is a cycle. Larger: small cycles beside a guess that is far too large
+# are thrown away. Smaller: rest, which solves the equations at every frequency, is taken for one.
+AT_REST = 1e-4
+
 
 @result
 class LimitCycle(PeriodicSolution):
@@ -243,7 +247,7 @@ def _refine(
         if not answer["converged"] or w_new <= 0:
             continue
         X_new = setup.expand(answer["z"][:-1], w_new)
-        if np.max(np.abs(X_new[:, 1:])) < 1e-4 * size:
+        if np.max(np.abs(X_new[:, 1:])) < AT_REST * size:
             continue  # the equilibrium, which solves the equations for every frequency
         X, w = X_new, w_new
         if fourier is sets[-1] or answer["error"] <= limit:

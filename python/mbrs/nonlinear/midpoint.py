@@ -6,12 +6,17 @@ so that its error has even powers of the step (Hairer, Lubich, Wanner, Geometric
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import functools
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 
+from . import balance
+
 ITERATIONS = 40
+# Correction of displacements within a step, over them, that is rounding. Larger: steps are not solved. Smaller: iterations for nothing.
+SOLVED = 1e-13
 
 
 class Slider:
@@ -43,27 +48,19 @@ def sliders_of(law: Any, history: np.ndarray) -> list[Slider]:
 
 
 class Element:
-    """A law along its direction, with its memory."""
+    """A law along its direction, with its memory; ``slopes`` (phase, u, v) gives force, df/du and df/dv of laws without."""
 
-    def __init__(self, law: Any, history: np.ndarray) -> None:
-        self.law = law
+    def __init__(self, law: Any, slopes: Callable[[float, float, float], Sequence[float]], history: np.ndarray) -> None:
+        self.slopes = slopes
         self.sliders = sliders_of(law, history) if law.has_memory else []
 
     def force(self, u: float, v: float, phase: float) -> tuple[float, float, float]:
-        """Force, df/du and df/dv; the slopes of laws without memory by differences, as an iteration needs no more."""
+        """Force, df/du and df/dv."""
         if self.sliders:
             parts = [slider.force(u) for slider in self.sliders]
             return sum(p[0] for p in parts), sum(p[1] for p in parts), 0.0
-        if self.law.kind.phase:
-            k, order, start = self.law.numbers()
-            slope = k * np.cos(order * phase + start)
-            return slope * u, slope, 0.0
-        du, dv = 1e-7 * max(abs(u), 1e-6), 1e-7 * max(abs(v), 1e-6)
-        f, f_u, f_v = (float(x) for x in self._at(np.array([u, u + du, u]), np.array([v, v, v + dv])))
-        return f, (f_u - f) / du, (f_v - f) / dv
-
-    def _at(self, u: np.ndarray, v: np.ndarray) -> np.ndarray:
-        return np.asarray(self.law.force(u, v))
+        f, f_u, f_v = self.slopes(phase, u, v)
+        return f, f_u, f_v
 
     def move(self, u: float) -> None:
         """Memory after a step with this displacement in its middle."""
@@ -96,7 +93,9 @@ def integrate(
     K = matrix(system.K, getattr(system, "N", None))
     h = span[0] / span[1]
     A = spl.splu((2 / h**2 * M + C / h + K / 2).tocsc())
-    elements = [Element(law, history) for law, history in zip(system.elements, histories, strict=True)]
+    core = balance.core_elements(system.elements, [law.w for law in system.elements])
+    laws = enumerate(zip(system.elements, histories, strict=True))
+    elements = [Element(law, functools.partial(core.slopes, i), history) for i, (law, history) in laws]
     W = np.array([law.w for law in system.elements]).T.reshape(system.n, len(elements))
     G = A.solve(W) if elements else W
     compliance = W.T @ G
@@ -139,7 +138,7 @@ def _elements(
         defect = e - free + compliance @ f
         correction = np.linalg.solve(np.eye(len(e)) + compliance * slope, -defect)
         e = e + correction
-        if np.max(np.abs(correction)) <= 1e-13 * (np.max(np.abs(u)) + np.max(np.abs(e))) + 1e-300:
+        if np.max(np.abs(correction)) <= SOLVED * (np.max(np.abs(u)) + np.max(np.abs(e))):
             break
     return e, f
 

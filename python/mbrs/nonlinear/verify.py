@@ -15,6 +15,9 @@ from .verify_full import Distance, distances
 LARGEST_EXPLICIT = 60
 HALVINGS = 7
 INSTANTS = 256
+# Change by a halving of the step over the distance, up to which the distance is known; and what rounding leaves of a distance, over the
+# size of the motion. Larger: the error of the integration is called a distance. Smaller: halvings for nothing.
+KNOWN, ROUNDING = 0.02, 1e-11
 
 
 def verify(solution: Any, rtol: float, full: bool | None) -> Distance:
@@ -143,7 +146,7 @@ def _by_midpoint(
             row.append(row[-1] + (row[-1] - coarse) / (4.0 ** (order + 1) - 1))
         off = float(np.max(np.abs(row[-1] - x)))
         change = float(np.max(np.abs(row[-1] - before[-1]))) if before else np.inf
-        if change <= 0.02 * off + 1e-11 * size:
+        if change <= KNOWN * off + ROUNDING * size:
             break
     return max(off, change if np.isfinite(change) else 0.0) / size
 

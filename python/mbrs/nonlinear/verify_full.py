@@ -16,12 +16,16 @@ from ..linear.linearization import Linearization
 from ..model.motions import Sine
 from ..model.ports import Port, as_port
 from ..model.schema import LAW_OF_CODE, MARKER
+from ..motion.options import TIGHTEST
 from ..system.snapshot import Snapshot
 from ..system.state import State
 from . import midpoint
 
 OUTPUTS = 64  # instants of a period at which motions are compared
 _DIFFERENCE = 1e-3  # of the time: the step of the differences that give the rates of the start
+# Part of a force that does not come through the ports by which it was given. Larger: a force of another direction is put there. Smaller:
+# rounding spreads a force over all bodies, where it does not follow its own.
+_SAME_FORCE = 1e-9
 _STENCIL = ((1, 4 / 5), (2, -1 / 5), (3, 4 / 105), (4, -1 / 280))  # eighth order, central
 _IN_TIME = frozenset({"gravity", "damping", "friction", "contact", "centrifugal"})
 
@@ -114,7 +118,7 @@ def full_distance(solution: Any, terms: Sequence[tuple[float, Any]], length: flo
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", MbrsWarning)  # rounding of the rates that are given
         start = _start(solution, length, model, simulate)
-        traj = simulate(model, t, at=start, rtol=max(rtol, 1e-13), without=lin.without)
+        traj = simulate(model, t, at=start, rtol=max(rtol, TIGHTEST), without=lin.without)
     own = lin.snapshot.system
     where = _poses(own, [_lifted(lin, x) for x in solution.displacement(t).T])
     there = _poses(own, list(traj.q))
@@ -176,7 +180,7 @@ def _start(solution: Any, length: float, model: Any, simulate: Any) -> State:
     bare = State(q, rate, "given")
     if not any(law.has_memory for law in system.elements):
         return bare
-    memory = simulate(model, np.zeros(1), at=bare, rtol=1e-3, without=lin.without).memory[0].copy()
+    memory = simulate(model, np.zeros(1), at=bare, without=lin.without).memory[0].copy()
     places = _sliders(solution, length)
     memory[: len(places)] = places
     return State(q, rate, "given", memory)
@@ -234,7 +238,7 @@ def _by_ports(system: Any, f: np.ndarray, omega: float) -> list[Push] | None:
         given = columns @ amplitude
         size = np.vdot(given, given)
         factor = np.vdot(given, f) / size if size else 0.0
-        if size and np.linalg.norm(f - factor * given) <= 1e-9 * np.linalg.norm(f):
+        if size and np.linalg.norm(f - factor * given) <= _SAME_FORCE * np.linalg.norm(f):
             made: list[Port] = [as_port(system.linearization.model, p) for p in ports]
             return [
                 Push(p.body, _point(system, p), np.asarray(p.direction), p.is_rotation, complex(factor * a), omega)

@@ -19,6 +19,7 @@ __all__ = ["plot"]
 
 _MOST_CURVES = 8
 _FLOOR = 1e-18  # zero, on a logarithmic axis
+_CHANGES = 1e-12  # of the largest component: one that changes less is not drawn
 # endings of the names of a joint's free coordinates and True for angles, by type (docs/tables.md)
 _FREEDOMS: tuple[tuple[tuple[str, bool], ...], ...] = (
     (),
@@ -188,7 +189,8 @@ def velocities(traj: Any, chosen: list[str] | None = None) -> list[Panel]:
 def _axes_of(vectors: dict[str, np.ndarray]) -> list[Series]:
     """Components that change at all."""
     series = [Series(f"{name}.{axis}", v[:, k]) for name, v in vectors.items() for k, axis in enumerate("xyz")]
-    return [s for s in series if np.ptp(s.value) > 1e-12 * max(1.0, float(np.max(np.abs(s.value))))] or series[:3]
+    largest = max(float(np.max(np.abs(s.value), initial=0.0)) for s in series)
+    return [s for s in series if np.ptp(s.value) > _CHANGES * largest] or series[:3]
 
 
 def _lines(traj: Any, title: str, ylabel: str, series: Sequence[Series]) -> Panel:

@@ -19,6 +19,11 @@ __all__ = [
     "own_estimate",
     "rotor_difference",
 ]
+# Relative difference of frequencies and times at which two results are compared. Larger: results of different points are. Smaller: the
+# rounding of a file refuses them.
+_SAME_POINTS = 1e-9
+# The same of times of motions, which no file rounds. Larger: what the motion does in between is called a difference.
+_SAME_TIMES = 1e-12
 
 
 def measure_for(result: Any) -> Callable[[Any, Any], float]:
@@ -110,7 +115,7 @@ def _values(result: Any) -> np.ndarray:
 def _same_points(result: Any, reference: Any) -> None:
     for name in ("frequency", "t"):
         ours, theirs = getattr(result, name, None), getattr(reference, name, None)
-        if ours is not None and theirs is not None and not np.allclose(ours, theirs, rtol=1e-9, atol=0.0):
+        if ours is not None and theirs is not None and not np.allclose(ours, theirs, rtol=_SAME_POINTS, atol=0.0):
             raise ModelError(f"the results were computed at different {name}; give {name} as the same array to both")
 
 
@@ -121,9 +126,9 @@ def motion_difference(result: Any, reference: Any) -> float:
     both motions follow them: without flexibility there are none.
     """
     ours, theirs = np.asarray(result.t, dtype=float), np.asarray(reference.t, dtype=float)
-    if ours.size == 0 or theirs.size == 0 or not np.isclose(ours[-1], theirs[-1], rtol=1e-12, atol=0.0):
+    if ours.size == 0 or theirs.size == 0 or not np.isclose(ours[-1], theirs[-1], rtol=_SAME_TIMES, atol=0.0):
         raise ModelError("motions that end at different times cannot be compared; give t= the same value")
-    same = ours.shape == theirs.shape and np.allclose(ours, theirs, rtol=1e-12, atol=0.0)
+    same = ours.shape == theirs.shape and np.allclose(ours, theirs, rtol=_SAME_TIMES, atol=0.0)
     at = slice(None) if same else slice(-1, None)
     length = float(result.snapshot.system.characteristic_length)
     named = [tuple(one.snapshot.tables["body_name"]) for one in (result, reference)]

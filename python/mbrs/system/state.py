@@ -98,7 +98,7 @@ def drawn(model: Any, system: Any, hold: bool = True, without: Sequence[str] = (
 
     with core_errors():
         made = system.assemble(hold, list(without))
-    if made["velocity_correction"] > 1e-9 * max(1.0, float(np.abs(made["rate"]).max(initial=0.0))):
+    if made["velocities_contradict"]:
         warn_user(
             f"the given velocities of {model.name!r} contradict its joints; they were changed by up to "
             f"{made['velocity_correction']:.3g} m/s to agree",

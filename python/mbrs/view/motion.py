@@ -14,7 +14,7 @@ from .._lib.rotations import matrix_to_quaternion
 from ..errors import ModelError
 from .drawing import scene_data
 from .modes import Viewer, line_points
-from .scene import SceneGeometry
+from .scene import COINCIDE, SceneGeometry
 
 __all__ = ["frames", "motion"]
 
@@ -297,7 +297,7 @@ def _box(scene: SceneGeometry, position: np.ndarray, reach: np.ndarray) -> tuple
     low, high = scene.points.min(axis=0), scene.points.max(axis=0)
     flat = np.ptp(scene.points, axis=0) == 0.0
     if position.size:
-        moving = np.ptp(position.reshape(-1, 3), axis=0) > 1e-9
+        moving = np.ptp(position.reshape(-1, 3), axis=0) > COINCIDE * np.max(high - low)
         room = np.where(flat & ~moving, 0.0, reach[:, None])
         low = np.minimum(low, (position.min(axis=0) - room).min(axis=0))
         high = np.maximum(high, (position.max(axis=0) + room).max(axis=0))

@@ -17,15 +17,31 @@ use crate::multibody::placement::{Placement, State, place};
 use crate::multibody::topology::{Node, Topology};
 use crate::run::Counts;
 use crate::spatial::{Real, Six, V3};
+use crate::tolerances::linearisation::VELOCITY_CORRECTED;
 
 /// Above this number of rows and coordinates sparse factors are faster.
 const DENSE: usize = 300;
 
 pub struct Assembled {
     pub state: State,
-    /// largest change of a given velocity by the projection, metres per second with the characteristic length
-    pub velocity_correction: f64,
+    pub velocities: Projected,
     pub iterations: usize,
+}
+
+/// What the projection made of given velocities; angular ones times the characteristic length.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Projected {
+    /// largest change of a given velocity
+    pub change: f64,
+    /// largest velocity that was given or is there now
+    pub largest: f64,
+}
+
+impl Projected {
+    /// Whether the given velocities contradict the joints.
+    pub fn contradicts(&self) -> bool {
+        self.change > VELOCITY_CORRECTED * self.largest
+    }
 }
 
 /// The drawn state: two-point joints brought together, loops closed by the smallest change, velocities projected.
@@ -39,12 +55,12 @@ pub fn assemble(system: &System, hold: bool, effects: Effects, counts: &mut Coun
         counts.add("assembly iterations", decision.iterations as u64);
         (State { q: decision.closed.clone(), rate: Vec::new() }, decision.iterations)
     };
-    let velocity_correction = set_velocities(system, &mut state, hold, effects)?;
-    Ok(Assembled { state, velocity_correction, iterations })
+    let velocities = set_velocities(system, &mut state, hold, effects)?;
+    Ok(Assembled { state, velocities, iterations })
 }
 
 /// Rates of the tree coordinates from the bodies' given velocities, made to satisfy the cut joints.
-fn set_velocities(system: &System, state: &mut State, hold: bool, effects: Effects) -> Result<f64> {
+fn set_velocities(system: &System, state: &mut State, hold: bool, effects: Effects) -> Result<Projected> {
     let topology = &*system.topology;
     let given = |node: usize| {
         let x = topology.tables.bodies[topology.nodes[node].body].x;
@@ -56,7 +72,7 @@ fn set_velocities(system: &System, state: &mut State, hold: bool, effects: Effec
     let prescribed = scene_at_rest(system, &placement, effects).explicit_rates();
     let driven = prescribed.amax() != 0.0;
     if (0..topology.nodes.len()).all(resting) && (hold || !driven) {
-        return Ok(0.0);
+        return Ok(Projected::default());
     }
     let mut rate = vec![0.0; topology.n_tree];
     let mut body: Vec<Six<f64>> = Vec::new();
@@ -88,7 +104,8 @@ fn set_velocities(system: &System, state: &mut State, hold: bool, effects: Effec
         held.clone_from(&rate);
     }
     let moving = place(topology, &system.geometry, &state.q, Some(&rate));
-    let mut correction: f64 = 0.0;
+    let mut velocities = Projected::default();
+    let speed = |linear: V3<f64>, angular: V3<f64>| linear.norm().max(angular.norm() * system.length);
     for (n, node) in topology.nodes.iter().enumerate() {
         let Some(v) = moving.velocity.as_ref().map(|v| v.body[n]) else {
             continue;
@@ -103,10 +120,11 @@ fn set_velocities(system: &System, state: &mut State, hold: bool, effects: Effec
         if driven && resting(n) {
             continue;
         }
-        correction = correction.max((origin.l - velocity).norm()).max((origin.a - omega).norm() * system.length);
+        velocities.change = velocities.change.max(speed(origin.l - velocity, origin.a - omega));
+        velocities.largest = velocities.largest.max(speed(velocity, omega)).max(speed(origin.l, origin.a));
     }
     state.rate = held;
-    Ok(correction)
+    Ok(velocities)
 }
 
 /// From the origin, whose velocity was given, to the point whose twist is wanted: the undeformed body's, body axes.

@@ -29,7 +29,7 @@ use crate::multibody::assemble::Effects;
 use crate::multibody::placement::State;
 use crate::run::{Cancel, Counts};
 use crate::sensitivity::direction::{Common, Directional, directions};
-use crate::tolerances::linearisation::{BALANCED, VELOCITY_CORRECTED};
+use crate::tolerances::linearisation::BALANCED;
 
 pub use frf::{Point, Port, Transfer};
 pub use inputs::{Inputs, Place, Rule};
@@ -145,8 +145,7 @@ impl Plan {
         let doubtful = !system.topology.rows.is_empty() && !system.decision(Effects::ALL)?.doubts.is_empty();
         let made = assemble(system, !self.equilibrium, Effects::ALL, counts)?;
         if !self.equilibrium {
-            let fastest = made.state.rate.iter().fold(1.0, |a: f64, b| a.max(b.abs()));
-            let corrected = made.velocity_correction > VELOCITY_CORRECTED * fastest;
+            let corrected = made.velocities.contradicts();
             return Ok(Some((made.state, doubtful || corrected)));
         }
         let start = State { q: made.state.q, rate: Vec::new() };

@@ -15,7 +15,7 @@ use crate::run::Counts;
 use crate::tolerances::constraints::REDUNDANT_OPEN;
 
 use super::{Equations, Instant, Motion, scaled_size};
-use crate::tolerances::steps::{CLOSED, CLOSED_ENOUGH, STILL};
+use crate::tolerances::steps::{CLOSED, CLOSED_ENOUGH, CLOSING_ROUNDING, STILL};
 
 const CLOSING_STEPS: usize = 12;
 /// Part of all rates that the projection of a controlled step changes at most.
@@ -119,7 +119,7 @@ impl Equations<'_, f64> {
             let mut open = DVector::zeros(phi.len());
             kept.iter().for_each(|i| open[*i] = phi[*i]);
             let (size, worst) = self.worst_row(&open);
-            let closed = size <= CLOSED || size <= CLOSED_ENOUGH * 0.1 && size > 0.5 * last;
+            let closed = size <= CLOSED || size <= CLOSING_ROUNDING && size > 0.5 * last;
             if closed || step == CLOSING_STEPS && size <= CLOSED_ENOUGH {
                 return self.check_redundant(&phi);
             }

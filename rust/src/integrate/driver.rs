@@ -9,16 +9,12 @@ use super::watch::{Mark, Seen, Watch};
 use super::way::{Aim, Uncounted, Verdict, Way, active};
 use super::{Equations, Instant, LocalError, Motion, Scheme, Step, before_break};
 use crate::tolerances::singular_poses::{FARTHEST_CROSSING, LATER, NEAREST_CROSSING};
-use crate::tolerances::steps::{FINEST_CROSSING, ON_GRID, SAME_INSTANT, SAME_LENGTH};
+use crate::tolerances::steps::{FADING, FINEST_CROSSING, FROM_REST, ON_GRID, SAME_INSTANT, SAME_LENGTH, SLOWEST};
 
 pub use super::plan::{End, Output, Plan, Progress, Run, Steps};
 
 const SHRINK: f64 = 0.2;
 const GROW: f64 = 3.0;
-/// How fast the length of past steps is forgotten, over time in such lengths.
-const FADING: f64 = 0.3;
-/// Rates count at least as if the motion took this part of the characteristic length: what starts from rest has none.
-const SLOWEST: f64 = 1e-3;
 const MAX_FAILURES: usize = 60;
 /// Local errors of one step below so many times the rounding of a pose are rounding themselves, where only a part of the tolerance
 /// is theirs: estimates divide differences of rates by the step, and no shorter one makes them smaller.
@@ -139,7 +135,7 @@ impl Driver<'_, '_, '_> {
             self.speed = self
                 .speed
                 .max(self.scaled(&way.here.motion.rate))
-                .max(1e-3 * self.scaled(&way.here.acceleration) * total.min(way.h * 1e3))
+                .max(self.scaled(&way.here.acceleration) * way.h.min(FROM_REST * total))
                 .max(SLOWEST / total);
             let t = way.here.motion.t;
             if let Some(d) = way.detour.take_if(|d| t >= d.until) {

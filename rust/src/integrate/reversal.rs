@@ -8,7 +8,6 @@ use crate::multibody::connector::motion_of;
 use crate::multibody::topology::BoundLaw;
 
 use super::{Equations, Motion};
-use crate::tolerances::steps::SLIDER_TURNS;
 
 impl Equations<'_, f64> {
     /// The part of a step after which a slider turns first, where missing that would change its force by more than `tolerance` of it.
@@ -34,7 +33,7 @@ impl Equations<'_, f64> {
                 let memory = &from.memory[law.memory..law.memory + law.law.n_memory()];
                 let turns = way.turns();
                 if let Some(turn) = turns.first()
-                    && way.missed(&turns, &law.law, p, memory) > tolerance.max(SLIDER_TURNS)
+                    && way.missed(&turns, &law.law, p, memory) > tolerance
                 {
                     first = Some(first.map_or(*turn, |f| f.min(*turn)));
                 }

@@ -8,15 +8,12 @@ use nalgebra::DVector;
 use crate::error::Result;
 use crate::multibody::topology::Purpose;
 use crate::run::Counts;
-use crate::tolerances::singular_poses::FAR;
+use crate::tolerances::singular_poses::{FAR, FIRST_LOOK, NEXT_LOOK};
 
 use super::{Equations, Instant, Motion, scaled_size};
 
-/// Points before a pose by which its time is found, and the part of the way to it that the next point goes.
+/// Points before a pose by which its time is found.
 const LOOKS: usize = 4;
-const PART: f64 = 0.7;
-/// First look ahead, over the distance that the hold allows.
-const FIRST_LOOK: f64 = 0.1;
 /// How far behind a pose drives are tried, over the time to it.
 const BEYOND: f64 = 4.0;
 /// Rows and coordinates with so large a part of the largest in what is lost are named.
@@ -58,7 +55,7 @@ impl Equations<'_, f64> {
             }
             pose = Some(zero);
             here = (next, held);
-            next += PART * (zero - next);
+            next += NEXT_LOOK * (zero - next);
         }
         pose
     }

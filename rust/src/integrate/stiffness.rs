@@ -50,12 +50,17 @@ impl Equations<'_, f64> {
         let size = |v: &[f64]| scaled_size(v, &scales);
         let n = self.n();
         let mut fastest = Fastest { vibration: 0.0, decay: 0.0 };
+        let own = size(&at.motion.rate).max(size(&at.acceleration).sqrt());
         for displaced in [true, false] {
             // no direction is special, and none is left out
             let mut x: Vec<f64> = (0..n).map(|i| scales[i] * (1.0 + 0.37 * ((i * 7) % 5) as f64)).collect();
             let mut growth = 0.0;
+            // rates are changed by a part of the motion's own, or of what the vibration would have
+            let natural =
+                if displaced { 1.0 } else { [own, fastest.vibration].into_iter().find(|r| *r > 0.0).unwrap_or(1.0) };
+            let change = DIFFERENCE * natural;
             for _ in 0..ITERATIONS {
-                let unit = DIFFERENCE / size(&x).max(f64::MIN_POSITIVE);
+                let unit = change / size(&x).max(f64::MIN_POSITIVE);
                 let nudge: Vec<f64> = x.iter().map(|v| v * unit).collect();
                 let mut m = at.motion.clone();
                 if displaced {
@@ -66,7 +71,7 @@ impl Equations<'_, f64> {
                 }
                 let there = self.instant(m, counts)?;
                 x = there.acceleration.iter().zip(&at.acceleration).map(|(a, b)| a - b).collect();
-                growth = size(&x) / DIFFERENCE;
+                growth = size(&x) / change;
                 if growth == 0.0 {
                     break;
                 }

@@ -8,7 +8,7 @@ use crate::run::Counts;
 
 use super::singular::LosingRank;
 use super::{Equations, Instant, Motion, scaled_size};
-use crate::tolerances::singular_poses::{NEAR, NOISE_OF_STEPS, TURNED, TURNED_BY_ROUNDING};
+use crate::tolerances::singular_poses::{COLLAPSED, NEAR, NOISE_OF_STEPS, TURNED, TURNED_BY_ROUNDING};
 
 /// The hold falls at most so much faster than the motion moves.
 const STEEPEST: f64 = 4.0;
@@ -20,8 +20,6 @@ const QUICK: f64 = 3.0;
 const CLOSE: f64 = 1e-2;
 /// Part of the best hold from which on rounding is no greater than elsewhere.
 const FIRM: f64 = 0.5;
-/// Steps near a singular pose that are shorter than those before by this factor are lost in it.
-const COLLAPSED: f64 = 1e-3;
 /// Growth of the rates towards a pose that some motion still passes.
 const PASSABLE: f64 = 10.0;
 

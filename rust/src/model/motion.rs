@@ -11,6 +11,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use crate::error::{Error, Result};
 use crate::spatial::Real;
+use crate::tolerances::motion::QUIET;
 
 /// A function from outside: all its outputs at a time.
 pub struct Function {
@@ -200,8 +201,7 @@ impl<T: Real> MotionLaw<T> {
     }
 }
 
-/// A spline is quiet where its curvature is below this part of the largest, over so many knots.
-const QUIET: f64 = 1e-3;
+/// A spline is quiet where its curvature is small over so many knots.
 const QUIET_KNOTS: usize = 3;
 
 fn table<T: Real>(at: &[T], v: &[T], curvature: &[T], t: f64) -> [T; 3] {

@@ -1,7 +1,5 @@
 //! Contacts that the samples of a motion do not resolve: at an extremum of the displacement the stiffness jumps within the error of the
 //! motion, between two samples, or for fewer samples than the product of small steps needs.
-use num_dual::Dual64;
-
 use super::aft::{Aft, Force};
 use crate::error::Result;
 use crate::solve::nan_or_largest;
@@ -31,7 +29,7 @@ pub fn is_unresolved(force: &Force, aft: &Aft, margin: f64) -> Result<bool> {
         let tip = here - (after - before).powi(2) / (8.0 * bend);
         let mut values = [0.0; 3];
         for (value, u) in values.iter_mut().zip([tip, tip + margin, tip - margin]) {
-            *value = stiffness(force, aft.phases()[i], u)?;
+            *value = force.slopes(aft.phases()[i], u, 0.0)?[1];
         }
         tips.push((i, values));
     }
@@ -44,19 +42,4 @@ pub fn is_unresolved(force: &Force, aft: &Aft, margin: f64) -> Result<bool> {
         let short = n >= MANY && jumps(f_u[*i], f_u[(i + far) % n]) && jumps(f_u[*i], f_u[(i + n - far) % n]);
         within || short
     }))
-}
-
-/// df/du of a law at rest in u.
-fn stiffness(force: &Force, phase: f64, u: f64) -> Result<f64> {
-    match force {
-        Force::Known(law, p) => {
-            let p: Vec<Dual64> = p.iter().map(|x| Dual64::from(*x)).collect();
-            Ok(law.force_at(phase, Dual64::new(u, 1.0), Dual64::from(0.0), &p, &[], &mut []).eps)
-        }
-        Force::Sampled(law) => {
-            let (mut f, mut f_u, mut f_v) = ([0.0], [0.0], [0.0]);
-            law.evaluate(&[u], &[0.0], &mut f, &mut f_u, &mut f_v)?;
-            Ok(f_u[0])
-        }
-    }
 }

@@ -12,7 +12,9 @@ use crate::solve::Linearisation;
 use crate::solve::continuation::{Advance, Branch};
 use crate::solve::corrector::{Options, Point, Workspace};
 use crate::solve::segment::{Jump, Segment};
-use crate::tolerances::periodic::{AXIS, AXIS_ROOT, BRANCHING, HIDDEN, NEUTRAL, RESONANT, SAME_CROSSING, STEEPER};
+use crate::tolerances::periodic::{
+    AXIS, AXIS_ROOT, BRANCHING, HIDDEN, NEUTRAL, RESONANT, SAME_CROSSING, SAME_PAIR, STEEPER,
+};
 
 #[derive(Debug, Clone, Copy)]
 pub struct Settings {
@@ -499,7 +501,7 @@ fn crossing_ranks(a: &Place, b: &Place, w0: f64) -> Vec<usize> {
 
 /// Whether two exponents are one, or conjugate.
 fn same_pair(s: c64, other: c64) -> bool {
-    (s.im.abs() - other.im.abs()).abs() <= 1e-3 * (s.im.abs() + other.im.abs())
+    (s.im.abs() - other.im.abs()).abs() <= SAME_PAIR * (s.im.abs() + other.im.abs())
 }
 
 fn by_growth(mut exponents: Vec<c64>) -> Vec<c64> {

@@ -15,12 +15,10 @@ use crate::linalg::balance::Balanced;
 use crate::periodic::aft::Aft;
 use crate::periodic::linear::{Block, Matrices};
 use crate::periodic::problem::Problem;
-use crate::tolerances::periodic::{AGREEMENT, EDGE, TRACE, VISIBLE};
+use crate::tolerances::periodic::{AGREEMENT, EDGE, REDUCED_MODEL, TRACE, VISIBLE};
 
 /// Largest Hill matrix; beyond, a period of integration is cheaper.
 const LARGEST_HILL: usize = 130;
-/// Largest relative difference of dynamic stiffness between a system and the reduced model that tells its stability.
-const MODEL_TOLERANCE: f64 = 1e-3;
 
 /// Steps of the finest product beyond which it is no longer cheaper.
 const FEW_STEPS: usize = 512;
@@ -146,7 +144,7 @@ fn represents(problem: &mut Problem, model: &Matrices) -> Result<bool> {
         let reduced = z.submatrix(0, 0, n_r, n_r) - z.submatrix(0, n_r, n_r, n_l) * influence;
         let exact = Mat::from_fn(n_r, n_r, |i, j| block.s[i * n_r + j]);
         let off = (&reduced - &exact).norm_max();
-        if off.is_nan() || off > MODEL_TOLERANCE * exact.norm_max() {
+        if off.is_nan() || off > REDUCED_MODEL * exact.norm_max() {
             return Ok(false);
         }
     }

@@ -110,6 +110,12 @@ impl HbmElements {
         }
         Ok(Self(elements))
     }
+
+    /// Force, df/du and df/dv of one element at a phase (rad), a displacement and a rate; a law with states rests there.
+    fn slopes(&self, element: usize, phase: f64, u: f64, v: f64) -> PyResult<[f64; 3]> {
+        let chosen = self.0.get(element).ok_or_else(|| Error::model(format!("there is no element {element}")))?;
+        Ok(chosen.force.slopes(phase, u, v)?)
+    }
 }
 
 /// A program (nodes, roots, u0), or a callable.

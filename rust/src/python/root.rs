@@ -11,6 +11,7 @@ use crate::solve::Residual;
 use crate::solve::inverse::{Family, Guard, Inverse};
 use crate::solve::inverse_bfgs::{Options, Outcome, Start, Status, solve};
 use crate::solve::line_search::Rule;
+use crate::tolerances::roots::DIFFERENCE;
 
 pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<RootInverse>()?;
@@ -146,7 +147,7 @@ impl Asked {
             guard: Guard { curvature: self.curvature, determinant: self.determinant },
             start,
             memory: self.memory,
-            difference: self.differences.unwrap_or(Options::default().difference),
+            difference: self.differences.unwrap_or(DIFFERENCE),
             patience: self.patience,
             restarts: self.restarts,
             fallback: self.fallback,

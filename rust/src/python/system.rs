@@ -249,7 +249,8 @@ impl PySystem {
         })?;
         let out = PyDict::new(py);
         put_state(py, &out, &assembled.state)?;
-        out.set_item("velocity_correction", assembled.velocity_correction)?;
+        out.set_item("velocity_correction", assembled.velocities.change)?;
+        out.set_item("velocities_contradict", assembled.velocities.contradicts())?;
         out.set_item("iterations", assembled.iterations)?;
         out.set_item("counts", counts_dict(py, &counts)?)?;
         Ok(out)

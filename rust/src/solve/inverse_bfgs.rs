@@ -11,7 +11,6 @@ use super::inverse::{Base, Family, Guard, Inverse, Step};
 use super::line_search::{self, Rule, norm2};
 use crate::error::Result;
 use crate::linalg::sparse::{Csc, Factor};
-use crate::tolerances::roots::{CURVATURE, DETERMINANT, DIFFERENCE, QUASI_NEWTON};
 
 /// Parts of the norm that iterations leave beyond this foresee nothing.
 const FORESEEABLE: f64 = 0.5;
@@ -46,26 +45,6 @@ pub struct Options {
     pub restarts: usize,
     /// Broyden's first update once the restarts are used up.
     pub fallback: bool,
-}
-
-impl Default for Options {
-    fn default() -> Options {
-        Options {
-            family: Family::Bfgs,
-            tolerance: QUASI_NEWTON,
-            max_iterations: 500,
-            max_evaluations: u64::MAX,
-            rule: Rule::default(),
-            guard: Guard { curvature: CURVATURE, determinant: (DETERMINANT, DETERMINANT.recip()) },
-            start: Start::Differences,
-            memory: None,
-            difference: DIFFERENCE,
-            left: None,
-            patience: 20,
-            restarts: 1,
-            fallback: true,
-        }
-    }
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

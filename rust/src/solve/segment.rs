@@ -3,7 +3,7 @@ use super::corrector::{Corrector, Options, Point, Target, Workspace, correct, sc
 use super::{Curve, Linearisation};
 use crate::error::Result;
 use crate::run::Cancel;
-use crate::tolerances::roots::{BRACKET, EVENT_SOLVED, NARROW, TORN};
+use crate::tolerances::roots::{BRACKET, EVENT_SOLVED, NARROW, NARROWED, TORN};
 
 /// The branch between two points, parametrised by the distance s along the tangent of the first. Every trial is corrected onto the
 /// branch, so that what comes back is a solution as well.
@@ -159,7 +159,7 @@ impl Segment {
         }
         let gap = low.2.iter().zip(&high.2).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt();
         // on one branch the two sides approach each other as s does
-        let narrowed = (high.0 - low.0).abs() < 1e-3 * self.length.abs();
+        let narrowed = (high.0 - low.0).abs() < NARROWED * self.length.abs();
         if !narrowed || gap > 10.0 * (high.0 - low.0).abs() + TORN {
             return Ok(Jump::Torn);
         }

@@ -201,22 +201,27 @@ pub mod motion {
     pub const ARTICULATED: f64 = 1e4 * f64::EPSILON;
 
     /// Factor on the length of the next step that the error estimate proposes. Larger: more steps are repeated. Smaller: more steps are
-    /// made. A choice of cost; seen by the step counts of tests/motion/test_motion_zoo.py, from below.
+    /// made. A choice of cost; seen by the step counts of tests/motion/test_motion_zoo.py, from below.  Pinned by
+    /// `test_matrices_are_kept_and_the_explicit_method_has_none`.
     pub const SAFETY: f64 = 0.85;
 
     /// Iterations of simplified Newton methods within a step. Larger: steps that are too long are given up late. Smaller: steps that
     /// would converge are repeated. Seen by tests/motion/test_radau.py, not scanned.
     pub const NEWTON_ITERATIONS: usize = 12;
 
-    /// Corrections that matrices of the step itself do not shrink are rounding below this part of the motion within the step. Larger:
-    /// steps are called solved that are not. Smaller: steps at the limit of rounding are repeated without end.
-    /// Used by tests/motion/test_motion_hard.py.
+    /// Corrections that matrices of the step itself do not shrink are rounding below this part of the motion within the step. Larger: steps
+    /// are called solved that are not. Smaller: steps at the limit of rounding are repeated without end. Used by
+    /// tests/motion/test_motion_hard.py. Not seen: these tests pass either way.
     pub const CORRECTION_ROUNDING: f64 = 1e-10;
 
     /// Motions within a step below this, characteristic lengths or radians, are solved as if they were of this size: at rest there is
-    /// nothing but rounding to be relative to. Larger: slow motions are solved loosely. Smaller: rest is solved to rounding of
-    /// rounding. Used by tests/motion/test_motion_hard.py.
+    /// nothing but rounding to be relative to. Larger: slow motions are solved loosely. Smaller: rest is solved to rounding of rounding.
+    /// Used by tests/motion/test_motion_hard.py. Not seen: these tests pass either way.
     pub const LEAST_MOTION: f64 = 1e-6;
+
+    /// A spline is quiet where its curvature is below this part of the largest. Larger: steps are held short where little happens. Smaller:
+    /// a long step passes what comes after a stretch that is at rest but for rounding. Not scanned.
+    pub const QUIET: f64 = 1e-3;
 
     /// Repetitions that find the rotation vector of three rates that act together: each gains the turn within a step. Smaller: fast
     /// turns are refused. Seen by tests/motion/test_motion_rotations.py, not scanned.
@@ -226,9 +231,9 @@ pub mod motion {
 /// Rolling in motion.
 pub mod rolling {
     /// Straight rolling: B''' and the third power of E, over the speed (lengths over the characteristic length) to the same power, and
-    /// forces along the path over their terms and over the sum of all forces. Larger: motion on slow curves is linearised as if
-    /// straight, and weak forces along the path pass unseen; smaller: rounding of a drawn model refuses it. Used by `test_a_trailer_is_refused`
-    /// and the bicycle of tests/truth/test_rolling.py.
+    /// forces along the path over their terms and over the sum of all forces. Larger: motion on slow curves is linearised as if straight,
+    /// and weak forces along the path pass unseen; smaller: rounding of a drawn model refuses it. Used by `test_a_trailer_is_refused` and
+    /// the bicycle of tests/truth/test_rolling.py. Not seen: these tests pass either way.
     pub const ROLLS_STEADILY: f64 = 1e-9;
 
     /// Force that a displacement along the path of rolling makes, over the terms that it is made of, which counts as none where such

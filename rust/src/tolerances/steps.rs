@@ -1,91 +1,116 @@
 //! Steps in time: instants, what a step has to solve, start of the multistep methods.
 
 /// Instants that differ by less, over the whole time, are one: rounding of t. Larger: breaks that are close are passed. Smaller: steps that
-/// do not change t.
+/// do not change t. Pinned by `test_a_step_that_cannot_be_made_says_why`, from below. Not seen from above: it takes breaks closer than
+/// 1e-12 of the motion.
 pub const SAME_INSTANT: f64 = 1e-14;
 
 /// How far before a break a step ends, over the whole time, so that nothing in it is from behind the break. Larger: a gap in the motion.
-/// Smaller: rounding takes the step across.
+/// Smaller: rounding takes the step across. Pinned by `test_steps_that_end_at_breaks_leave_no_gap`, from above. Not seen from below:
+/// instants are rounded to less than 1e-15.
 pub const BEFORE_BREAK: f64 = 1e-13;
 
-/// Lengths of steps that agree so well are one length: no splinter is made, and no factorisation anew. Larger: steps do not end where
-/// they are said to. Smaller: splinters.
+/// Lengths of steps that agree so well are one length: no splinter is made, and no factorisation anew. Larger: steps do not end where they
+/// are said to. Smaller: splinters. Not seen: times of ends are set, whatever lengths are called one; only lengths that differ by so little
+/// depend on it.
 pub const SAME_LENGTH: f64 = 1e-9;
 
-/// An instant within this part of a fixed step from a multiple of it is on the grid. Larger: steps are left out. Smaller: rounding of
-/// a long motion makes splinters.
+/// An instant within this part of a fixed step from a multiple of it is on the grid. Larger: steps are left out. Smaller: rounding of a
+/// long motion makes splinters. Not seen: it takes 1e8 steps until rounding of their sum reaches it, or a break this close to the grid.
 pub const ON_GRID: f64 = 1e-6;
 
-/// Steps whose ratio differs from one by less leave the differences of a multistep method as they are. Larger: the history is off by
-/// this part. Smaller: histories are stretched by rounding.
+/// Steps whose ratio differs from one by less leave the differences of a multistep method as they are. Larger: the history is off by this
+/// part. Smaller: histories are stretched by rounding. Not seen: it takes steps that differ by so little.
 pub const SAME_STEP: f64 = 1e-12;
 
-/// Newton's remainder over the increment within a step whose next correction would be about its square: rounding. Larger: steps are
-/// not solved, and derivatives of them are off. Smaller: one iteration more for nothing.
+/// Newton's remainder over the increment within a step whose next correction would be about its square: rounding. Larger: steps are not
+/// solved, and derivatives of them are off. Smaller: one iteration more for nothing. Pinned by
+/// `test_the_values_are_those_of_the_simulation`, from above. Not seen from below: what one iteration more finds is rounding.
 pub const QUADRATIC: f64 = 1e-9;
-/// The same from which on tangents are the same too: derivatives of a motion part by less than 1e-10.
+/// The same from which on tangents are the same too: derivatives of a motion part by less than 1e-10. Not seen: gradients of "ali3p" agree
+/// with differences either way.
 pub const EXACT: f64 = 1e-11;
 
 /// Remainder of Newton's method over the motion within a fixed step, which has no tolerance, and within a controlled one that is kept for
-/// its derivatives. Larger: the remainder shows in measured orders and in derivatives. Smaller: rounding is solved.
+/// its derivatives. Larger: the remainder shows in measured orders and in derivatives. Smaller: rounding is solved.  Pinned by
+/// `test_order_five_at_oblique_axes`, from above, and tests/gradients/test_gradient_radau.py, from below.
 pub const FIXED_SOLVED: f64 = 1e-12;
-/// Over the tolerance of a controlled step. Larger: the remainder is a part of its error. Smaller: iterations for nothing.
+/// The norm of the equations over the motion within a fixed step of "bdf-bfgs": remainders are of accelerations, and add up twice. Larger:
+/// shorter steps err more. Smaller: evaluations for nothing. Pinned by `test_shorter_fixed_steps_err_less`, from above. Not seen from below:
+/// no answer depends on it.
+pub const FIXED_WITHOUT_TANGENT: f64 = 1e-14;
+/// Over the tolerance of a controlled step. Larger: the remainder is a part of its error. Smaller: iterations for nothing. Pinned by
+/// `test_a_stiff_governor`, from above, and `test_matrices_are_kept_and_the_explicit_method_has_none`, from below.
 pub const SHARE_OF_TOLERANCE: f64 = 0.01;
 
-/// Closing of loops within a step, over lengths of their loop or radians: closed, and the largest opening that a stalled closing may
-/// leave. Larger: energy drifts by openings. Smaller: rounding never closes, or stops the motion.
+/// Closing of loops within a step, over lengths of their loop or radians: closed, and the largest opening that a stalled closing may leave.
+/// Larger: energy drifts by openings. Smaller: rounding never closes, or stops the motion. Not seen: motions of loops, their energies and
+/// gradients pass either way.
 pub const CLOSED: f64 = 1e-14;
-/// See `CLOSED`.
+/// See `CLOSED`. Not seen: motions of loops pass either way.
 pub const CLOSED_ENOUGH: f64 = 1e-10;
-/// Loosest closing of the stages of a step far from singular poses, and corrections within it that are rounding once they shrink no more.
-/// Larger: accelerations of stages miss the tolerance. Smaller: time is lost.
-pub const COARSELY_CLOSED: f64 = 1e-7;
-/// See `COARSELY_CLOSED`.
+/// Openings and corrections below this that shrink no more are rounding. Larger: closings end before they are done. Smaller: rounding is
+/// corrected until the motion stops. Not seen: motions of loops and their gradients pass either way.
 pub const CLOSING_ROUNDING: f64 = 1e-11;
+/// Loosest closing of the stages of a step far from singular poses. Larger: accelerations of stages miss the tolerance. Smaller: time is
+/// lost. Not seen: it takes tolerances above 1e-5.
+pub const COARSELY_CLOSED: f64 = 1e-7;
 
 /// Turned rates that move less than this within a step, characteristic lengths or radians, are rounding of a motion at rest. Larger: a
-/// branch may be lost in slow motion. Smaller: rest cannot go on.
+/// branch may be lost in slow motion. Smaller: rest cannot go on. Not seen: motions through singular poses, and from rest, pass either way.
 pub const STILL: f64 = 1e-10;
 
-/// Local errors near singular poses below this are lost in the rounding that the pose amplifies: a tolerance that asks for less is held
-/// to it. Larger: crossings are less accurate. Smaller: crossings are refused.
+/// Local errors near singular poses below this are lost in the rounding that the pose amplifies: a tolerance that asks for less is held to
+/// it. Larger: crossings are less accurate. Smaller: crossings are refused. Not seen: motions through singular poses pass either way, with
+/// a hundredth of it in twice the time.
 pub const FINEST_CROSSING: f64 = 1e-10;
 
-/// Slider forces over their limit that differ by less are equal but for rounding. Larger: turning points are missed. Smaller: rounding
-/// turns sliders at rest.
-pub const SLIDER_TURNS: f64 = 1e-13;
-
-/// Step of the differences by which the acceleration of a rotation vector is found at the end of a step, over the largest rate: these
-/// are central, of a smooth map alone. Larger: truncation. Smaller: rounding. Only what is read between steps depends on it.
+/// Step of the differences by which the acceleration of a rotation vector is found at the end of a step, characteristic lengths or radians:
+/// these are central, of a smooth map alone. Larger: truncation. Smaller: rounding. Only what is read between steps depends on it. Not
+/// seen: either way orientations between steps change by less than 1e-9, and the polynomial through the ends errs by more.
 pub const INTERPOLATED: f64 = 1e-5;
 
-/// Error of a start step of bdf-bfgs, characteristic lengths or radians: for fixed steps; and the least under a tolerance. Larger: the start
-/// shows in the error. Smaller: rounding divides start steps without end.
+/// Error of a start step of bdf-bfgs, characteristic lengths or radians: for fixed steps; and the least under a tolerance. Larger: the
+/// start shows in the error. Smaller: rounding divides start steps without end. Not seen: start steps of tests err by less, and are made at
+/// once.
 pub const START_ERROR: f64 = 1e-10;
-/// See `START_ERROR`.
+/// See `START_ERROR`. Not seen: start steps of tests err by less, and are made at once.
 pub const LEAST_START_ERROR: f64 = 1e-12;
-/// The same over a tolerance. Larger: differences of the first points show the errors of the start, and steps are rejected. Smaller:
-/// more parts.
+/// The same over a tolerance. Larger: differences of the first points show the errors of the start, and steps are rejected. Smaller: more
+/// parts. Not seen: start steps of tests err by less, and are made at once.
 pub const START_SHARE: f64 = 1e-3;
-/// Shortest part of a start step, over the step. Larger: kinks at the start refuse the motion. Smaller: they hold it up.
+/// Shortest part of a start step, over the step. Larger: kinks at the start refuse the motion. Smaller: they hold it up. Not seen: motions
+/// of "bdf-bfgs" pass either way.
 pub const SHORTEST_START: f64 = 1e-7;
 
+/// Rates count at least as if the motion took this part of the characteristic length, or a radian: what starts from rest has none. Larger:
+/// slow motions keep long steps of which they know nothing. Smaller: the first steps from rest are far too long, and made again. Not
+/// scanned.
+pub const SLOWEST: f64 = 1e-3;
+/// Part of the motion for which an acceleration counts as a rate, and at most for a step. Larger: drives that push for a moment set the
+/// scale of all the motion. Smaller: steps from rest are too long, and made again. Not scanned.
+pub const FROM_REST: f64 = 1e-3;
+/// How fast the length of past steps is forgotten, over time in such lengths. Larger: one short step makes the detour around a pose short.
+/// Smaller: a detour is as long as steps were long ago. Not scanned.
+pub const FADING: f64 = 0.3;
+
 /// Norm of the equations of a step of bdf-bfgs over a tolerance for the motion, which about a thousand steps share. Larger: the remainder
-/// adds up to the tolerance. Smaller: evaluations for nothing.
+/// adds up to the tolerance. Smaller: evaluations for nothing. Not seen: motions of tests err by less than their tolerance either way.
 pub const SHARE_OF_MOTION: f64 = 1e-5;
 /// Limits of that norm, over the root of the number of equations: rounding of constraint rows, of increments, and the loosest. Larger:
-/// steps are not solved, and orders and lengths of steps follow what is left. Smaller: rounding is solved, or an evaluation a step more than
-/// the tolerance needs.
+/// steps are not solved, and orders and lengths of steps follow what is left. Smaller: rounding is solved, or an evaluation a step more
+/// than the tolerance needs. Not seen: motions with constraints pass either way.
 pub const ROW_ROUNDING: f64 = 1e-15;
 /// See `ROW_ROUNDING`.
 pub const INCREMENT_ROUNDING: f64 = 1e-17;
-/// See `ROW_ROUNDING`.
+/// See `ROW_ROUNDING`. Not seen: motions of tests ask for less.
 pub const LOOSEST: f64 = 1e-12;
 /// The norm that passes where a fresh inverse cannot better it. Larger: unsolved steps pass. Smaller: motions near to singular poses stop.
+/// Not seen: motions of tests pass either way.
 pub const FRESH_INVERSE: f64 = 1e-11;
 
-/// How much looser a trial run is that shows how much of its local errors lasts. Larger: its error is no longer in proportion. Smaller: trials
-/// cost more than they save. Used by `tests/motion/test_shares.py`.
+/// How much looser a trial run is that shows how much of its local errors lasts. Larger: its error is no longer in proportion. Smaller:
+/// trials cost more than they save. Used by `tests/motion/test_shares.py`. Not seen: these tests pass either way.
 pub const TRIAL: f64 = 1e3;
 /// Tolerance of the loosest trial. Larger: motions that bend within a step are taken for damped. Smaller: loose tolerances get no trial.
 /// Pinned by `tests/motion/test_shares.py`.
@@ -100,24 +125,26 @@ pub const LEAST_SHARE: f64 = 0.04;
 /// Iterations of steps of "radau" that are recorded for a gradient: their lengths were chosen before, and to a looser tolerance. Larger: steps
 /// that cannot be solved are given up late. Smaller: gradients stop at steps that their motion made. Not scanned.
 pub const RECORDED_ITERATIONS: usize = 5 * super::motion::NEWTON_ITERATIONS;
-/// Matrices with which more iterations than these are to be expected are made anew. Larger: iterations for nothing. Smaller: matrices
-/// for nothing. Only work depends on it. Not scanned.
+/// Matrices with which more iterations than these are to be expected are made anew. Larger: iterations for nothing. Smaller: matrices for
+/// nothing.  Pinned by `test_matrices_are_kept_and_the_explicit_method_has_none`, from below. Not seen from above: no answer depends on it.
 pub const PATIENCE: f64 = 5.0;
 /// Matrices with which corrections shrank more slowly than `SLOW`, in more iterations than these, are made anew for the next step. Larger:
 /// iterations for nothing. Smaller: matrices for nothing. Only work depends on it. Not scanned.
 pub const FEW: usize = 2;
-/// See `FEW`; of the contraction.
+/// See `FEW`; of the contraction. Not seen: no answer depends on it.
 pub const SLOW: f64 = 0.1;
-/// Matrices that shrink corrections more slowly by this factor than when they were new have aged; others are as good as new ones:
-/// what they leave out is of the order of the step. Larger: iterations for nothing. Smaller: matrices for nothing. Not scanned.
+/// Matrices that shrink corrections more slowly by this factor than when they were new have aged; others are as good as new ones: what they
+/// leave out is of the order of the step. Larger: iterations for nothing. Smaller: matrices for nothing.  Pinned by
+/// `test_matrices_are_kept_and_the_explicit_method_has_none`, from below. Not seen from above: no answer depends on it.
 pub const AGED: f64 = 2.0;
-/// A first correction says nothing of how fast they shrink: matrices that served before are not trusted to shrink it by more. Larger:
-/// one iteration more for nothing. Smaller: steps are called solved that are not. Not scanned.
+/// A first correction says nothing of how fast they shrink: matrices that served before are not trusted to shrink it by more. Larger: one
+/// iteration more for nothing. Smaller: steps are called solved that are not.  Not seen: motions by "radau" pass either way.
 pub const TRUSTED: f64 = 0.1;
-/// Three rotations that act together turn at most so far in a step (radians): rotation vectors are ambiguous at a whole turn. Larger:
-/// a body that spins is lost in its chart. Smaller: short steps. Used by `tests/motion/test_radau.py`.
+/// Three rotations that act together turn at most so far in a step (radians): rotation vectors are ambiguous at a whole turn. Larger: a
+/// body that spins is lost in its chart. Smaller: short steps. Used by `tests/motion/test_radau.py`. Not seen: these tests pass either way.
 pub const WIDEST: f64 = 3.0;
-/// Steps that would grow by less keep their length and its factors. Larger: steps are short. Smaller: factors for nothing. Not scanned.
+/// Steps that would grow by less keep their length and its factors. Larger: steps are short. Smaller: factors for nothing.  Not seen: no
+/// answer depends on it.
 pub const WORTHWHILE: f64 = 1.2;
 /// The error of a step over a power of its estimate. Larger: motions are better than asked. Smaller: they are worse. Pinned by
 /// `tests/motion/test_radau.py`.

@@ -10,9 +10,9 @@ use crate::solve::inverse_bfgs::{Options, Outcome, Start, Status, solve};
 use crate::solve::line_search::Rule;
 
 use super::equations::BdfStep;
-use crate::tolerances::roots::DIFFERENCE;
+use crate::tolerances::roots::{DETERMINANT, DIFFERENCE};
 use crate::tolerances::steps::{
-    FIXED_SOLVED, FRESH_INVERSE, INCREMENT_ROUNDING, LOOSEST, ROW_ROUNDING, SHARE_OF_MOTION,
+    FIXED_SOLVED, FIXED_WITHOUT_TANGENT, FRESH_INVERSE, INCREMENT_ROUNDING, LOOSEST, ROW_ROUNDING, SHARE_OF_MOTION,
 };
 
 /// Least cosine between y and s for an update: where BFGS meets a nonsymmetric or indefinite Jacobian, smaller ones ruin H.
@@ -53,7 +53,7 @@ impl StepSolver {
     /// Without a family inverse BFGS runs until it has failed twice, Broyden's update from there on.
     pub fn new(family: Option<Family>, rtol: Option<f64>) -> Self {
         StepSolver {
-            solved: rtol.map_or(FIXED_SOLVED, |r| (SHARE_OF_MOTION * r).clamp(ROW_ROUNDING, FIXED_SOLVED)),
+            solved: rtol.map_or(FIXED_WITHOUT_TANGENT, |r| (SHARE_OF_MOTION * r).clamp(ROW_ROUNDING, FIXED_SOLVED)),
             family: family.unwrap_or(Family::Bfgs),
             settles: family.is_none(),
             strikes: 0,
@@ -168,14 +168,16 @@ impl StepSolver {
             family,
             tolerance,
             max_iterations: MAX_ITERATIONS,
+            max_evaluations: u64::MAX,
             rule: Rule { max_backtracks: 12, ..Rule::default() },
-            guard: Guard { curvature: CURVATURE, ..Options::default().guard },
+            guard: Guard { curvature: CURVATURE, determinant: (DETERMINANT, DETERMINANT.recip()) },
             start: Start::Identity,
+            memory: None,
+            difference: DIFFERENCE,
             left: self.left,
             patience: PATIENCE,
             restarts: 0,
             fallback: false,
-            ..Options::default()
         };
         let out = solve(step, x, &options, &mut inverse)?;
         // the first iteration corrects what was foreseen, along what all steps have in common: it falls by more than the next ones

@@ -85,6 +85,24 @@ impl Force {
     pub fn has_memory(&self) -> bool {
         matches!(self, Force::Known(law, _) if law.n_memory() > 0)
     }
+
+    /// Force, df/du and df/dv at a phase (rad) of the excitation, a displacement and a rate; a law with states rests there.
+    pub fn slopes(&self, phase: f64, u: f64, v: f64) -> Result<[f64; 3]> {
+        match self {
+            Force::Known(law, p) => {
+                let p: Vec<Dual64> = p.iter().map(|&x| Dual64::from(x)).collect();
+                let rest = law.rest_memory();
+                let force = |u, v| law.force_at(phase, u, v, &p, &rest, &mut rest.clone());
+                let by_u = force(Dual64::new(u, 1.0), Dual64::from(v));
+                Ok([by_u.re, by_u.eps, force(Dual64::from(u), Dual64::new(v, 1.0)).eps])
+            }
+            Force::Sampled(law) => {
+                let (mut f, mut f_u, mut f_v) = ([0.0], [0.0], [0.0]);
+                law.evaluate(&[u], &[v], &mut f, &mut f_u, &mut f_v)?;
+                Ok([f[0], f_u[0], f_v[0]])
+            }
+        }
+    }
 }
 
 /// What `Aft::element` is to compute.
