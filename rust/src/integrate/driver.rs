@@ -5,6 +5,7 @@ use crate::tolerances::motion::SAFETY;
 
 use super::detour::{Approach, Detour, Passage, again, passage};
 use super::kept::KeptSteps;
+use super::kinks::{self, Kinks};
 use super::watch::{Mark, Seen, Watch};
 use super::way::{Aim, Uncounted, Verdict, Way, active};
 use super::{Equations, Instant, LocalError, Motion, Scheme, Step, before_break};
@@ -37,6 +38,8 @@ struct Driver<'e, 's, 'p> {
     next_output: usize,
     uncounted: Uncounted<'e, 's>,
     watch: Watch,
+    /// where steps are to end at kinks of laws
+    kinks: Option<Kinks>,
     run: Run,
 }
 
@@ -59,6 +62,7 @@ pub fn drive(
         next_output: 0,
         uncounted: Uncounted::new(eq),
         watch: Watch::new(eq, &start, counts),
+        kinks: plan.to_kinks.then(|| Kinks::new(eq, &start, plan.steps.tolerance())).filter(Kinks::any),
         run: Run {
             outputs: Vec::new(),
             steps: vec![start.motion.t],
@@ -66,6 +70,8 @@ pub fn drive(
             local: Vec::new(),
             rejected: 0,
             kept: plan.kept.map(|_| KeptSteps::from(&start)),
+            smooth: Vec::new(),
+            missed: Vec::new(),
             end: End::Finished,
             last: Output { instant: start.clone(), joints: Vec::new() },
         },
@@ -73,6 +79,9 @@ pub fn drive(
     driver.at_start(&start);
     scheme.over(plan.end - start.motion.t);
     driver.march(scheme, start, cancel, progress, counts)?;
+    if let Some(kinks) = driver.kinks {
+        (driver.run.smooth, driver.run.missed) = (kinks.smooth, kinks.missed);
+    }
     Ok(driver.run)
 }
 
@@ -153,16 +162,19 @@ impl Driver<'_, '_, '_> {
             let finest = self.finest(&way);
             let active = active(&mut way.detour, scheme);
             let tried = active.step(self.eq, &way.here, aim.length, estimate, counts);
+            let at_kinks = self.at_kinks(&way.here, &tried, aim.length);
             let (per_unit, patience) = (active.per_unit_step(), active.rate_time(aim.length));
             let (power, tolerance) = (active.power(), self.tolerance(active, aim.length));
             let noise = if per_unit { NOISE * self.eq.rounding(&way.here.motion) } else { 0.0 };
             let allowed = tolerance.max(finest).max(noise);
-            let going_on = match self.judged(tried, &way, (allowed, per_unit), (patience, power)) {
+            let verdict = self.judged(tried, &way, (allowed, per_unit), (patience, power));
+            let going_on = match at_kinks.over(verdict) {
                 Verdict::Accepted(step, size, allowed) => {
                     self.accepted(&mut way, scheme, *step, (size, allowed), &aim, counts)?
                 }
                 Verdict::Rejected(factor, why) => self.rejected(&mut way, scheme, aim.length * factor, why, counts),
                 Verdict::Turned(part) => self.turned(&mut way, aim.length * part, counts),
+                Verdict::Kinked(part) => self.kinked(&mut way, aim.length * part, counts),
                 Verdict::Fatal(error) => {
                     self.stop(way.here.motion.t, error.to_string());
                     false
@@ -189,11 +201,14 @@ impl Driver<'_, '_, '_> {
                 first.unwrap_or_else(|| self.first_step(&here, rtol, scheme.order())).min(longest)
             }
         };
-        Way { here, h, failures: 0, after_rejection: false, detour: None, kinked: false, recent: 0.0 }
+        Way { here, h, failures: 0, after_rejection: false, detour: None, to_kink: None, kinked: false, recent: 0.0 }
     }
 
     /// The length of the next step, and what it ends at.
     fn aim(&self, way: &Way) -> Aim {
+        if let Some(length) = way.to_kink {
+            return Aim { length, target: None, broken: None };
+        }
         let t = way.here.motion.t;
         let (mut length, mut target) = self.fitted(&way.here, way.h);
         if let Some(until) = way.detour.as_ref().and_then(|d| d.end_within(t, length)) {
@@ -249,6 +264,7 @@ impl Driver<'_, '_, '_> {
             }
         };
         way.h = next;
+        way.to_kink = None;
         way.failures = 0;
         way.after_rejection = false;
         let faded = way.recent * (-FADING * aim.length / way.recent.max(aim.length)).exp();
@@ -264,6 +280,10 @@ impl Driver<'_, '_, '_> {
         }
         if seen == Seen::Turned {
             return Ok(self.cross_again(way, scheme, counts) || self.lost(&way.here, "the motion turned", counts));
+        }
+        let end = &way.here.motion;
+        if self.kinks.as_mut().is_some_and(|k| k.accept(self.eq, end)) {
+            scheme.reset();
         }
         if let Some(t) = aim.broken {
             // rates of drives may jump: an impact
@@ -291,6 +311,7 @@ impl Driver<'_, '_, '_> {
         counts: &mut Counts,
     ) -> bool {
         let t = way.here.motion.t;
+        self.give_up_kinks(way);
         self.run.rejected += 1;
         counts.add("rejected steps", 1);
         way.failures += 1;
@@ -390,6 +411,7 @@ impl Driver<'_, '_, '_> {
     fn turned(&mut self, way: &mut Way, shorter: f64, counts: &mut Counts) -> bool {
         let t = way.here.motion.t;
         counts.add("turns of sliders", 1);
+        self.give_up_kinks(way);
         way.failures += 1;
         way.h = shorter;
         if self.vanishes(shorter, t) || way.failures > MAX_FAILURES {
@@ -397,6 +419,28 @@ impl Driver<'_, '_, '_> {
             return false;
         }
         true
+    }
+
+    /// What a step that was tried does at kinks.
+    fn at_kinks(&mut self, here: &Instant, tried: &Result<Step>, h: f64) -> kinks::Verdict {
+        match (&mut self.kinks, tried) {
+            (Some(kinks), Ok(step)) => kinks.judge(self.eq, here, &step.end, h),
+            _ => kinks::Verdict::Passes,
+        }
+    }
+
+    /// Another step, of a length that may end at a kink.
+    fn kinked(&mut self, way: &mut Way, length: f64, counts: &mut Counts) -> bool {
+        counts.add("steps to kinks", 1);
+        way.to_kink = Some(length);
+        !self.vanishes(length, way.here.motion.t) || self.lost(&way.here, "a law has kinks without end", counts)
+    }
+
+    fn give_up_kinks(&mut self, way: &mut Way) {
+        way.to_kink = None;
+        if let Some(kinks) = &mut self.kinks {
+            kinks.give_up();
+        }
     }
 
     /// Such a step would not change the time.
@@ -434,7 +478,10 @@ impl Driver<'_, '_, '_> {
 
     /// To the next multiple of the fixed step, or to a break or the end before it.
     fn on_grid(&self, t: f64, h: f64, grid: f64, target: f64, left: f64) -> (f64, Option<f64>) {
-        let next = self.start + grid * (((t - self.start) / grid + ON_GRID).floor() + 1.0);
+        let next = match &self.plan.ends {
+            Some(ends) => ends.iter().copied().find(|e| *e > t + ON_GRID * grid).unwrap_or(target),
+            None => self.start + grid * (((t - self.start) / grid + ON_GRID).floor() + 1.0),
+        };
         let cut = next >= target - SAME_LENGTH * grid;
         let aim = if cut { target } else { next };
         if h < (aim - t) * (1.0 - ON_GRID) {

@@ -3,6 +3,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use super::Instant;
 use super::kept::KeptSteps;
+use super::kinks::Smooth;
 
 /// How steps are chosen.
 #[derive(Debug, Clone, Copy)]
@@ -17,6 +18,13 @@ pub enum Steps {
 }
 
 impl Steps {
+    pub(super) fn tolerance(&self) -> Option<f64> {
+        match self {
+            Steps::Fixed(_) => None,
+            Steps::Controlled { rtol, .. } => Some(*rtol),
+        }
+    }
+
     pub(super) fn longest(&self) -> f64 {
         match self {
             Steps::Fixed(h) => *h,
@@ -35,6 +43,10 @@ pub struct Plan {
     pub max_steps: usize,
     /// steps are solved to rounding and kept, at most so many
     pub kept: Option<usize>,
+    /// steps end at kinks of laws
+    pub to_kinks: bool,
+    /// ends of fixed steps, in place of a grid
+    pub ends: Option<Vec<f64>>,
     /// how many tolerances the errors may add up to of schemes that hold that of a unit of time: where what they add up to does not
     /// last, the error of the motion is one (`share`)
     pub share: f64,
@@ -68,6 +80,10 @@ pub struct Run {
     pub rejected: usize,
     /// where they were asked for, and the scheme that was asked for made them all
     pub kept: Option<KeptSteps>,
+    /// stretches of the motion between the kinks at which steps ended
+    pub smooth: Vec<Smooth>,
+    /// kinks that were passed within a step though steps were to end there
+    pub missed: Vec<(f64, String)>,
     pub end: End,
     pub last: Output,
 }

@@ -15,6 +15,8 @@ pub(super) struct Way {
     pub failures: usize,
     pub after_rejection: bool,
     pub detour: Option<Detour>,
+    /// the length of the next step, which is to end at a kink of a law
+    pub to_kink: Option<f64>,
     /// the last step passed a kink of a law
     pub kinked: bool,
     /// the longest step of late, fading with time: shrinking steps do not hide what they shrink from
@@ -86,5 +88,7 @@ pub(super) enum Verdict {
     Rejected(f64, String),
     /// a slider turns after this part of the step
     Turned(f64),
+    /// a step over a kink of a law: the length of another over its own
+    Kinked(f64),
     Fatal(Error),
 }

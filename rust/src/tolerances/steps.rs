@@ -70,6 +70,17 @@ pub const START_SHARE: f64 = 1e-3;
 /// Shortest part of a start step, over the step. Larger: kinks at the start refuse the motion. Smaller: they hold it up.
 pub const SHORTEST_START: f64 = 1e-7;
 
+/// Distances from a kink of a law over the largest of the motion that are zero: a step ends at the kink. Larger: kinks are passed by as
+/// much, which derivatives of the motion show. Smaller: rounding is searched. Pinned by `tests/gradients/test_gradient_at_kinks.py`.
+pub const AT_KINK: f64 = 1e-11;
+/// The same over the tolerance of controlled steps, below which the ends of steps are noise. Larger and smaller: as of `AT_KINK`.
+pub const KINK_SHARE: f64 = 1e-3;
+/// The same inside a step, whose motion is interpolated there. Larger: a kink that is passed forth and back within a step is not seen.
+/// Smaller: errors of the interpolation are taken for one.
+pub const SEEN_KINK: f64 = 1e-5;
+/// Steps of the search for one that ends at a kink. Larger: a law that jumps holds the motion up. Smaller: kinks are missed, and said so.
+pub const KINK_SEARCH: usize = 60;
+
 /// Norm of the equations of a step of bdf-bfgs over a tolerance for the motion, which about a thousand steps share. Larger: the remainder
 /// adds up to the tolerance. Smaller: evaluations for nothing.
 pub const SHARE_OF_MOTION: f64 = 1e-5;
