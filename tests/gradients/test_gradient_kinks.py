@@ -78,6 +78,13 @@ def test_many_kinks_are_counted():
     assert np.all(np.diff([k[0] for k in found.kinks]) > 0)
 
 
+def test_a_force_that_jumps_is_named():
+    m = slider(mb.FunctionLaw(lambda t, u, v: 5.0 * np.sign(u - 0.0305)))
+    with pytest.warns(KinkWarning, match="its force jumps"):
+        found = mb.gradient(m, PSI, "p.mass", t=0.05, step=1e-3)
+    assert found.status == "kinks"
+
+
 def driven(motion, velocity=(0.0, 0.0, 0.0)):
     m = mb.Model("driven")
     p = m.body("p", mass=1.0, inertia=(1, 1, 1), at=(0, 0, 0), velocity=velocity)

@@ -39,7 +39,7 @@ class MotionGradient(Result):
         "direct" or "adjoint".
     kinks
         ``(t, element, what)`` of kinks of forces at which no step ended (a slider that begins or ceases to slide, friction that
-        changes its sign within a step): the gradient ignores them and is first-order accurate there; ``status`` is then
+        changes its sign within a step, a force that jumps): the gradient ignores them and is first-order accurate there; ``status`` is then
         "kinks" instead of "converged".
     growth
         How many times larger the relative changes of what the objectives read are than those of the parameters, at most. It grows

@@ -6,15 +6,17 @@
 //! of false position with the weights of Illinois finds on the steps themselves.
 use std::sync::Arc;
 
+use crate::error::Result;
 use crate::force::{Side, Surface};
 use crate::multibody::System;
 use crate::multibody::connector::motion_of;
 use crate::multibody::topology::{BoundFunction, BoundLaw, Connector, Owner};
-use crate::tolerances::steps::{AT_KINK, KINK_SEARCH, KINK_SHARE, SEEN_KINK};
+use crate::run::Counts;
+use crate::tolerances::steps::{AT_KINK, JUMP, KINK_SEARCH, KINK_SHARE, SEEN_KINK};
 
 use super::interpolate::quintic;
 use super::way::Verdict as OfStep;
-use super::{Equations, Instant, Motion};
+use super::{Equations, Instant, Motion, Step, scaled_size};
 
 /// Parts of a step at which kinks are looked for, besides its end.
 const LOOKED: [f64; 3] = [0.25, 0.5, 0.75];
@@ -60,8 +62,8 @@ impl Equations<'_, f64> {
         out
     }
 
-    /// Whose kinks they are.
-    pub fn kink_owners(&self) -> Vec<Owner> {
+    /// Whose kinks they are, and whether they are those of a function, which may jump there.
+    pub fn kink_owners(&self) -> Vec<(Owner, bool)> {
         let mut out = Vec::new();
         for c in self.kinked() {
             let of_laws: usize = c.laws.iter().map(|l| sharp(l, &self.x).count()).sum();
@@ -71,7 +73,8 @@ impl Equations<'_, f64> {
                 f.law.distances(0.0, &at, &at, f.numbers(&self.x)).len()
             };
             let of_functions: usize = c.functions.iter().map(of).sum();
-            out.extend(vec![c.owner; of_laws + of_functions]);
+            out.extend(vec![(c.owner, false); of_laws]);
+            out.extend(vec![(c.owner, true); of_functions]);
         }
         out
     }
@@ -106,6 +109,13 @@ impl Equations<'_, f64> {
 pub struct Smooth {
     pub from: f64,
     pub sides: Vec<Side>,
+}
+
+/// Kinks of laws that a motion passed: the stretches between those at which steps ended, and others, with whose they are.
+#[derive(Default)]
+pub struct AtKinks {
+    pub smooth: Vec<Smooth>,
+    pub missed: Vec<(f64, String)>,
 }
 
 /// What a step does at kinks.
@@ -170,14 +180,18 @@ pub(super) struct Kinks {
     last: Vec<f64>,
     /// the largest distances so far
     sizes: Vec<f64>,
-    owners: Vec<Owner>,
+    owners: Vec<(Owner, bool)>,
+    /// the largest acceleration so far
+    hardest: f64,
     /// distances below this part of the largest are zero
     zero: f64,
     search: Option<Search>,
+    /// no kink is looked for in a step from here
+    unseen: Option<f64>,
     /// stretches of the motion between kinks
-    pub smooth: Vec<Smooth>,
-    /// kinks at which no step ended
-    pub missed: Vec<(f64, String)>,
+    smooth: Vec<Smooth>,
+    /// kinks at which no step ended, and jumps
+    missed: Vec<(f64, String)>,
 }
 
 impl Kinks {
@@ -189,12 +203,18 @@ impl Kinks {
             sides: vec![Side::Free; last.len()],
             sizes: last.iter().map(|d| d.abs().max(floor)).collect(),
             owners: eq.kink_owners(),
+            hardest: 0.0,
             zero: rtol.map_or(AT_KINK, |rtol| AT_KINK.max(KINK_SHARE * rtol)),
             search: None,
+            unseen: None,
             smooth: vec![Smooth { from: start.motion.t, sides: vec![Side::Free; last.len()] }],
             missed: Vec::new(),
             last,
         }
+    }
+
+    pub fn passed(self) -> AtKinks {
+        AtKinks { smooth: self.smooth, missed: self.missed }
     }
 
     pub fn any(&self) -> bool {
@@ -221,9 +241,22 @@ impl Kinks {
         sides
     }
 
+    /// What a step that was tried does at kinks, where steps are to end there.
+    pub fn tried(
+        own: &mut Option<Kinks>,
+        eq: &Equations<'_, f64>,
+        (from, tried): (&Instant, &Result<Step>),
+        h: f64,
+    ) -> Verdict {
+        match (own, tried) {
+            (Some(kinks), Ok(step)) => kinks.judge(eq, from, &step.end, h),
+            _ => Verdict::Passes,
+        }
+    }
+
     /// Does a step of length h go over a kink?
-    pub fn judge(&mut self, eq: &Equations<'_, f64>, from: &Instant, end: &Instant, h: f64) -> Verdict {
-        if !self.any() {
+    fn judge(&mut self, eq: &Equations<'_, f64>, from: &Instant, end: &Instant, h: f64) -> Verdict {
+        if !self.any() || self.unseen == Some(from.motion.t) {
             return Verdict::Passes;
         }
         self.search.take_if(|s| s.from != from.motion.t);
@@ -244,6 +277,21 @@ impl Kinks {
         let at =
             move |k: &usize| sides[*k] != Side::Free && self.is_zero(*k, now[*k]) && !self.is_zero(*k, self.last[*k]);
         (0..sides.len()).filter(at)
+    }
+
+    /// The kink is nearer to the start of the step, at time t, than any step can end.
+    pub fn is_here(&mut self, t: f64) {
+        let Some(search) = self.search.take() else {
+            self.unseen = Some(t);
+            return;
+        };
+        let left = self.left(&search.sides, &search.behind.1, self.zero);
+        self.sides = search.sides;
+        for k in left {
+            (self.sides[k], self.last[k]) = (Side::Free, 0.0);
+        }
+        self.smooth.retain(|s| s.from < t);
+        self.smooth.push(Smooth { from: t, sides: self.sides.clone() });
     }
 
     /// The search ends without a kink.
@@ -283,20 +331,43 @@ impl Kinks {
         if search.tries > KINK_SEARCH { Verdict::Passes } else { Verdict::Again(search.guess() / h) }
     }
 
+    /// Do accelerations jump where a function passes a kink?
+    fn jumps(&self, eq: &Equations<'_, f64>, at: &Motion<f64>, sides: &[Side], k: usize) -> bool {
+        let accelerations = |side: Side| {
+            let mut sides = sides.to_vec();
+            sides[k] = side;
+            let system = eq.held(&sides);
+            let held = Equations::new(&system, eq.x.clone(), eq.effects);
+            held.instant(at.clone(), &mut Counts::default()).map(|i| i.acceleration)
+        };
+        let apart = |a: Vec<f64>, b: Vec<f64>| {
+            let change: Vec<f64> = a.iter().zip(&b).map(|(a, b)| a - b).collect();
+            scaled_size(&change, &eq.scales()) > JUMP * self.hardest
+        };
+        let may = self.owners[k].1;
+        may && match (accelerations(Side::Above), accelerations(Side::Below)) {
+            (Ok(a), Ok(b)) => apart(a, b),
+            _ => true,
+        }
+    }
+
     /// The motion goes on from the end of a step; true where the laws are other ones from there on.
-    pub fn accept(&mut self, eq: &Equations<'_, f64>, end: &Motion<f64>) -> bool {
+    pub fn accept(&mut self, eq: &Equations<'_, f64>, end: &Instant) -> bool {
         if !self.any() {
             return false;
         }
-        let now = eq.kink_distances(end);
+        let now = eq.kink_distances(&end.motion);
+        self.hardest = self.hardest.max(scaled_size(&end.acceleration, &eq.scales()));
         let sides = match self.search.take() {
             Some(search) => search.sides,
             None => self.settled(self.sides.clone(), &self.last, self.zero),
         };
         let touched: Vec<usize> = self.touched(&sides, &now).collect();
         let missed = self.left(&sides, &now, self.zero);
-        let name = |k: &usize| eq.topology().owner_name(self.owners[*k]).to_string();
-        self.missed.extend(missed.iter().map(|k| (end.t, name(k))));
+        let jumps = touched.iter().filter(|k| self.jumps(eq, &end.motion, &sides, **k));
+        let name = |k: &usize| eq.topology().owner_name(self.owners[*k].0).to_string();
+        let named: Vec<_> = missed.iter().chain(jumps).map(|k| (end.motion.t, name(k))).collect();
+        self.missed.extend(named);
         self.sides = self.settled(sides, &now, self.zero);
         if let Some(stretch) = self.smooth.last_mut() {
             stretch.sides.clone_from(&self.sides);
@@ -305,7 +376,7 @@ impl Kinks {
         let ended = !(touched.is_empty() && missed.is_empty());
         if ended {
             touched.into_iter().chain(missed).for_each(|k| self.sides[k] = Side::Free);
-            self.smooth.push(Smooth { from: end.t, sides: self.sides.clone() });
+            self.smooth.push(Smooth { from: end.motion.t, sides: self.sides.clone() });
         }
         ended
     }

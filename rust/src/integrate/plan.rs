@@ -3,7 +3,11 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use super::Instant;
 use super::kept::KeptSteps;
-use super::kinks::Smooth;
+use super::kinks::AtKinks;
+use crate::tolerances::motion::SAFETY;
+
+/// The next step over the last one, at least.
+const SHRINK: f64 = 0.2;
 
 /// How steps are chosen.
 #[derive(Debug, Clone, Copy)]
@@ -23,6 +27,25 @@ impl Steps {
             Steps::Fixed(_) => None,
             Steps::Controlled { rtol, .. } => Some(*rtol),
         }
+    }
+
+    /// The next step by a scheme's own proposal; one that was cut short for an output or the end says little.
+    pub(super) fn proposed(&self, wanted: f64, length: f64, factor: f64) -> f64 {
+        let Steps::Controlled { longest, .. } = *self else {
+            return self.longest();
+        };
+        let next = length * factor;
+        (if length < 0.5 * wanted { next.max(wanted * factor.min(1.0)) } else { next }).min(longest)
+    }
+
+    pub(super) fn next(&self, wanted: f64, length: f64, size: f64, power: f64, growth: f64) -> f64 {
+        let Steps::Controlled { longest, .. } = *self else {
+            return self.longest();
+        };
+        let factor = (SAFETY * size.max(f64::MIN_POSITIVE).powf(-1.0 / power)).clamp(SHRINK, growth);
+        let next = length * factor;
+        // a step that was cut short says little about longer ones
+        (if length < wanted { next.max(wanted * factor.min(1.0)) } else { next }).min(longest)
     }
 
     pub(super) fn longest(&self) -> f64 {
@@ -80,10 +103,8 @@ pub struct Run {
     pub rejected: usize,
     /// where they were asked for, and the scheme that was asked for made them all
     pub kept: Option<KeptSteps>,
-    /// stretches of the motion between the kinks at which steps ended
-    pub smooth: Vec<Smooth>,
-    /// kinks that were passed within a step though steps were to end there
-    pub missed: Vec<(f64, String)>,
+    /// where steps were to end at kinks of laws
+    pub at_kinks: AtKinks,
     pub end: End,
     pub last: Output,
 }

@@ -67,6 +67,14 @@ impl<'e, 's> Uncounted<'e, 's> {
     }
 }
 
+/// As `scaled_size`, but no number where an entry is none: such a step must not pass.
+pub(super) fn scaled(v: &[f64], scales: &[f64]) -> f64 {
+    v.iter().zip(scales).fold(0.0_f64, |s, (v, c)| {
+        let v = (v / c).abs();
+        if v > s || v.is_nan() { v } else { s }
+    })
+}
+
 /// A step to try: its length, the time it hits exactly, the break it ends at.
 pub(super) struct Aim {
     pub length: f64,

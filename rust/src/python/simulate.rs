@@ -177,9 +177,9 @@ fn put_run<'py>(py: Python<'py>, run: &Run) -> PyResult<Bound<'py, PyDict>> {
         Side::Below => -1,
         Side::Above => 1,
     };
-    let smooth = run.smooth.iter().map(|s| (s.from, s.sides.iter().map(side).collect::<Vec<i8>>()));
+    let smooth = run.at_kinks.smooth.iter().map(|s| (s.from, s.sides.iter().map(side).collect::<Vec<i8>>()));
     out.set_item("smooth", smooth.collect::<Vec<_>>())?;
-    out.set_item("missed", run.missed.clone())?;
+    out.set_item("missed", run.at_kinks.missed.clone())?;
     let (status, t, message) = match &run.end {
         End::Finished => ("finished", run.last.instant.motion.t, String::new()),
         End::Interrupted => ("interrupted", run.last.instant.motion.t, String::new()),

@@ -78,6 +78,9 @@ pub const KINK_SHARE: f64 = 1e-3;
 /// The same inside a step, whose motion is interpolated there. Larger: a kink that is passed forth and back within a step is not seen.
 /// Smaller: errors of the interpolation are taken for one.
 pub const SEEN_KINK: f64 = 1e-5;
+/// Accelerations on both sides of a kink of a function that differ by more, over the largest of the motion, jump. Larger: a small jump is
+/// taken for a kink, and its part of a derivative is left out. Smaller: what the end of a step is off its kink is taken for a jump.
+pub const JUMP: f64 = 1e-4;
 /// Steps of the search for one that ends at a kink. Larger: a law that jumps holds the motion up. Smaller: kinks are missed, and said so.
 pub const KINK_SEARCH: usize = 60;
 
