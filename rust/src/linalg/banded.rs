@@ -2,107 +2,10 @@
 //!
 //! Without pivots, so that all lanes do the same; a leading block may be near its own resonance then, and what an elimination has lost
 //! shows in the residual, is corrected, and is told where it cannot be.
+use super::band_order::order;
+use super::complex_lanes::{LANES, Lanes, Reals, add_square, squares};
 use super::widest::widest;
 use crate::tolerances::matrices::{BACKWARD, CORRECTIONS};
-
-/// Frequencies at once.
-pub const LANES: usize = 8;
-
-/// One number for each lane.
-pub type Reals = [f64; LANES];
-
-/// One complex number for each lane.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Lanes {
-    pub re: Reals,
-    pub im: Reals,
-}
-
-impl Lanes {
-    pub const ZERO: Lanes = Lanes { re: [0.0; LANES], im: [0.0; LANES] };
-
-    /// The same real number in all lanes.
-    pub fn real(x: f64) -> Lanes {
-        Lanes { re: [x; LANES], im: [0.0; LANES] }
-    }
-
-    /// S - w^2 M + i w D of one entry.
-    #[inline(always)]
-    pub fn dynamic([m, d, s]: [f64; 3], w: &Reals) -> Lanes {
-        let mut z = Lanes::ZERO;
-        for (l, w) in w.iter().enumerate() {
-            z.re[l] = s - w * w * m;
-            z.im[l] = w * d;
-        }
-        z
-    }
-
-    #[inline(always)]
-    pub fn add(&mut self, a: &Lanes) {
-        for l in 0..LANES {
-            self.re[l] += a.re[l];
-            self.im[l] += a.im[l];
-        }
-    }
-
-    /// `self += x a`
-    #[inline(always)]
-    pub fn add_scaled(&mut self, x: f64, a: &Lanes) {
-        for l in 0..LANES {
-            self.re[l] += x * a.re[l];
-            self.im[l] += x * a.im[l];
-        }
-    }
-
-    /// `self -= a b`
-    #[inline(always)]
-    pub fn subtract(&mut self, a: &Lanes, b: &Lanes) {
-        for l in 0..LANES {
-            self.re[l] -= a.re[l] * b.re[l] - a.im[l] * b.im[l];
-            self.im[l] -= a.re[l] * b.im[l] + a.im[l] * b.re[l];
-        }
-    }
-
-    /// `self += a b`
-    #[inline(always)]
-    pub fn add_product(&mut self, a: &Lanes, b: &Lanes) {
-        for l in 0..LANES {
-            self.re[l] += a.re[l] * b.re[l] - a.im[l] * b.im[l];
-            self.im[l] += a.re[l] * b.im[l] + a.im[l] * b.re[l];
-        }
-    }
-
-    #[inline(always)]
-    pub fn times(&self, b: &Lanes) -> Lanes {
-        let mut out = Lanes::ZERO;
-        for l in 0..LANES {
-            out.re[l] = self.re[l] * b.re[l] - self.im[l] * b.im[l];
-            out.im[l] = self.re[l] * b.im[l] + self.im[l] * b.re[l];
-        }
-        out
-    }
-
-    #[inline(always)]
-    pub fn inverse(&self) -> Lanes {
-        let mut out = Lanes::ZERO;
-        for l in 0..LANES {
-            let part = 1.0 / (self.re[l] * self.re[l] + self.im[l] * self.im[l]);
-            out.re[l] = self.re[l] * part;
-            out.im[l] = -self.im[l] * part;
-        }
-        out
-    }
-
-    /// |re| + |im|
-    #[inline(always)]
-    pub fn size(&self) -> Reals {
-        let mut out = [0.0; LANES];
-        for (l, out) in out.iter_mut().enumerate() {
-            *out = self.re[l].abs() + self.im[l].abs();
-        }
-        out
-    }
-}
 
 /// M, D, S in an order in which their entries lie near the diagonal.
 #[derive(Debug, Clone)]
@@ -253,55 +156,6 @@ impl Band {
     }
 }
 
-/// Reverse Cuthill-McKee (E. Cuthill and J. McKee, ACM National Conference 1969): old indices in their new order.
-fn order(neighbours: &[Vec<usize>]) -> Vec<usize> {
-    let n = neighbours.len();
-    let mut by_degree: Vec<usize> = (0..n).collect();
-    by_degree.sort_by_key(|i| neighbours[*i].len());
-    let mut seen = vec![false; n];
-    let mut all = Vec::with_capacity(n);
-    for first in by_degree {
-        if seen[first] {
-            continue;
-        }
-        // from one end to the other
-        let (mut part, mut depth) = breadth_first(first, neighbours, &mut seen);
-        while let Some(&end) = part.last() {
-            part.iter().for_each(|i| seen[*i] = false);
-            let (other, farther) = breadth_first(end, neighbours, &mut seen);
-            let deeper = farther > depth;
-            (part, depth) = (other, farther);
-            if !deeper {
-                break;
-            }
-        }
-        all.append(&mut part);
-    }
-    all.reverse();
-    all
-}
-
-/// All that is connected with `first`, level by level, of few neighbours before those of many, and the number of levels.
-fn breadth_first(first: usize, neighbours: &[Vec<usize>], seen: &mut [bool]) -> (Vec<usize>, usize) {
-    let (mut found, mut begin, mut depth) = (vec![first], 0, 0);
-    seen[first] = true;
-    while begin < found.len() {
-        let end = found.len();
-        for at in begin..end {
-            let from = found.len();
-            for &j in &neighbours[found[at]] {
-                if !seen[j] {
-                    seen[j] = true;
-                    found.push(j);
-                }
-            }
-            found[from..].sort_by_key(|j| neighbours[*j].len());
-        }
-        (begin, depth) = (end, depth + 1);
-    }
-    (found, depth)
-}
-
 /// Factors of Z: L (units on its diagonal) and U (inverses on its diagonal), by rows of 2 half + 1.
 pub struct Factored<'a> {
     band: &'a Band,
@@ -384,20 +238,6 @@ struct Remainder {
     residual: Vec<Lanes>,
     /// entries that exceed rounding of their terms
     count: Reals,
-}
-
-/// Sums of squares.
-pub fn squares(x: &[Lanes]) -> Reals {
-    let mut out = [0.0; LANES];
-    x.iter().for_each(|x| add_square(&mut out, x));
-    out
-}
-
-#[inline(always)]
-fn add_square(sum: &mut Reals, x: &Lanes) {
-    for (l, sum) in sum.iter_mut().enumerate() {
-        *sum += x.re[l] * x.re[l] + x.im[l] * x.im[l];
-    }
 }
 
 #[inline(always)]

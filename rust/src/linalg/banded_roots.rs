@@ -3,7 +3,8 @@
 //! each with the others divided out. A step of one root takes O(n half^2).
 use faer::c64;
 
-use super::banded::{Band, LANES, Lanes, Reals};
+use super::banded::Band;
+use super::complex_lanes::{LANES, Lanes, Reals};
 use super::widest::widest;
 use crate::tolerances::matrices::{ENCLOSED, MOST_SWEEPS, SETTLED};
 

@@ -1,7 +1,9 @@
 //! Dense and sparse linear algebra that faer does not bring ready-made.
 pub mod balance;
+pub mod band_order;
 pub mod banded;
 pub mod banded_roots;
+pub mod complex_lanes;
 pub mod dense;
 pub mod double_double;
 pub mod eigen;

@@ -9,7 +9,7 @@ use super::factor::{Factor, Ldl, Pattern};
 use super::linear::{Block, DynamicStiffness, Forces, Matrices, STABILITY_COORDINATES, reordered};
 use super::refined::Solution;
 use crate::error::{Error, Result};
-use crate::linalg::banded::LANES;
+use crate::linalg::complex_lanes::LANES;
 use crate::tolerances::matrices::SAME_ENTRY;
 use crate::tolerances::periodic::{ABSENT, FELT, LANE_PRODUCT, MOST_LANES, REFINED, SETTLED};
 

@@ -4,7 +4,8 @@
 //! `condensed`.
 use super::condensed::{Entry, Split, is_settled, natural_sizes};
 use super::linear::Block;
-use crate::linalg::banded::{Band, LANES, Lanes, Memory, Reals};
+use crate::linalg::banded::{Band, Memory};
+use crate::linalg::complex_lanes::{LANES, Lanes, Reals};
 use num_complex::Complex64 as c64;
 
 /// A term and its circular frequency.

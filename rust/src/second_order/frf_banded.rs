@@ -3,7 +3,8 @@ use faer::{Mat, c64};
 
 use super::linear_system::LinearSystem;
 use super::ports::Ports;
-use crate::linalg::banded::{Band, Entry, LANES, Lanes, Reals, squares};
+use crate::linalg::banded::{Band, Entry};
+use crate::linalg::complex_lanes::{LANES, Lanes, Reals, squares};
 use crate::linalg::quadratic::Quadratic;
 use crate::tolerances::frequency_response::{NARROW, RESONANT};
 

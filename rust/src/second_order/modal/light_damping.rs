@@ -77,7 +77,7 @@ impl Pairs {
     fn new(damping: Mat<f64>, lambda: Vec<f64>) -> Option<Self> {
         let n = lambda.len();
         let s: Vec<C> = (0..n).map(|j| quadratic_roots(damping[(j, j)], lambda[j]).0).collect();
-        if s.iter().any(|s| !(s.im > 0.0)) {
+        if s.iter().any(|s| s.im <= 0.0) {
             return None;
         }
         let slope = (0..n).map(|j| 2.0 * s[j] + damping[(j, j)]).collect();
@@ -95,7 +95,7 @@ impl Pairs {
             let weight: Vec<f64> = self.s.iter().map(|s| s.norm()).collect();
             let sizes = step.sizes(&weight, &moving);
             let largest = sizes.iter().fold(0.0f64, |m, v| if v.is_nan() { f64::INFINITY } else { m.max(*v) });
-            if !(largest <= 0.5 * last) {
+            if largest > 0.5 * last {
                 return false;
             }
             last = largest;

@@ -11,7 +11,7 @@
 //! symmetric matrices.
 use faer::Mat;
 
-use crate::linalg::dense::{C, EPS};
+use crate::linalg::dense::{C, EPS, exceeds};
 
 /// y_k^T r_j and y_k^H r_j of all vectors k and some columns j.
 pub struct Projections {
@@ -60,7 +60,7 @@ impl Corrections {
         let left = |c: usize, j: usize| {
             (0..weight.len()).map(|k| self.share(k, c, weight, weight[j]) * (error[k] + sizes[c])).sum::<f64>()
         };
-        columns.iter().enumerate().filter(|&(c, &j)| !(left(c, j) <= EPS)).map(|(_, &j)| j).collect()
+        columns.iter().enumerate().filter(|&(c, &j)| exceeds(left(c, j), EPS)).map(|(_, &j)| j).collect()
     }
 }
 
