@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ast
 import warnings
 from pathlib import Path
 
@@ -74,7 +73,6 @@ def test_one_function_warns():
     callers = [
         path.relative_to(package).as_posix()
         for path in package.rglob("*.py")
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
-        if isinstance(node, ast.Attribute) and node.attr == "warn"
+        if "warnings.warn(" in path.read_text(encoding="utf-8")
     ]
     assert callers == ["_lib/warning.py"]
