@@ -26,13 +26,14 @@ pub struct Corrections {
 }
 
 impl Corrections {
-    /// Of the pairs `columns`. What couples two pairs by no more than rounding leaves them as they are.
+    /// Of the pairs `columns`. Two pairs that nearly coincide, and are coupled by no more than rounding, stay as they are.
     pub fn new(found: &Projections, s: &[C], slope: &[C], columns: &[usize]) -> Self {
         let (n, m) = (s.len(), columns.len());
         let own = |k: usize, c: usize| {
             let (j, p) = (columns[c], found.plain[(k, c)]);
-            let rounding = ROUNDING * (slope[k] * s[j]).norm() * (1.0 + (s[j] / s[k]).norm());
-            if k == j || p.norm() <= rounding { C::ZERO } else { p / (slope[k] * (s[k] - s[j])) }
+            let (gap, rounding) = (s[k] - s[j], ROUNDING * (slope[k] * s[j]).norm() * (1.0 + (s[j] / s[k]).norm()));
+            let is_one = gap.norm() <= EPS.sqrt() * s[j].norm() && p.norm() <= rounding;
+            if k == j || is_one { C::ZERO } else { p / (slope[k] * gap) }
         };
         let other = |k: usize, c: usize| found.conjugate[(k, c)] / (slope[k] * (s[k] - s[columns[c]].conj())).conj();
         Corrections { own: Mat::from_fn(n, m, own), other: Mat::from_fn(n, m, other) }
