@@ -114,7 +114,7 @@ class Store:
         if found[2] != self._wanted["versions"]:
             warn_user(
                 f"the sweep in {self.folder} was begun with {found[2]}, it goes on with {self._wanted['versions']}; the last bits "
-                "of its results may differ between these",
+                "of its results may differ between these"
             )
 
     def ranges(self) -> list[tuple[int, int]]:

@@ -219,9 +219,7 @@ def _equilibrium(snapshot: Snapshot, r: dict[str, Any], without: tuple[str, ...]
             if r["iterations"]
             else "it started in balance already; draw it slightly off to let it fall to a stable one"
         )
-        warn_user(
-            f"the equilibrium of {snapshot.model.name!r} is unstable: {why}",
-        )
+        warn_user(f"the equilibrium of {snapshot.model.name!r} is unstable: {why}")
     linearization = linearization_at(snapshot, state, r, without, start, warn=False)
     return Equilibrium(
         state=state,

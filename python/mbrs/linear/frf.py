@@ -480,7 +480,7 @@ def _warn_missed(
         shown = ", ".join(f"{f:.6g}" for f in missed[:8]) + (", ..." if len(missed) > 8 else "")
         warn_user(
             f"the frequency points miss {len(missed)} resonance{'s' if len(missed) > 1 else ''} at {shown} Hz; "
-            "a range such as frequency=(from, to) is sampled as needed",
+            "a range such as frequency=(from, to) is sampled as needed"
         )
 
 
@@ -489,5 +489,5 @@ def _warn_singular(points: np.ndarray, singular: Sequence[int]) -> None:
         f = points[index] / (2 * np.pi)
         why = "the system can move freely" if f == 0.0 else "it lies on an undamped resonance"
         warn_user(
-            f"the dynamic stiffness is singular at {f:.6g} Hz ({why}): the transfer function is infinite at this frequency",
+            f"the dynamic stiffness is singular at {f:.6g} Hz ({why}): the transfer function is infinite at this frequency"
         )

@@ -121,7 +121,7 @@ def linearization_at(
         state = replace(state, kind="given")
     if warn and not state.moving and error > BALANCED:
         warn_user(
-            f"the {state.kind} state of {model.name!r} is not in balance: {_unbalance(r)}; linearise at mb.equilibrium(m) instead",
+            f"the {state.kind} state of {model.name!r} is not in balance: {_unbalance(r)}; linearise at mb.equilibrium(m) instead"
         )
     on = tuple(e for e in effects(model).on if e not in without)
     return Linearization(

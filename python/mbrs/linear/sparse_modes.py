@@ -163,7 +163,7 @@ def model_modes(
         warn_user(
             f"the drawn state of {model.name!r} is not in balance: at {r['worst']!r} "
             f"{r['unbalanced']:.1e} of all forces is "
-            "unbalanced; take the modes at an equilibrium instead",
+            "unbalanced; take the modes at an equilibrium instead"
         )
     count = r["shape"].shape[1]
     if not np.any(r["body"].imag):

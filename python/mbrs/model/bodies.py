@@ -179,7 +179,7 @@ def _check_inertia(where: str, j: Sequence[float]) -> None:
     if j[0] == 0.0 == j[1] and not any(j[3:]):
         warn_user(
             f"{where} (0, 0, {j[2]:g}) is planar data: no rigid body has it, and it serves only if the joints "
-            "allow no rotation about x and y",
+            "allow no rotation about x and y"
         )
         return
     raise problem(

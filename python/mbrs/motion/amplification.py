@@ -51,7 +51,7 @@ def warn_amplified(m: Model, at: Any, steps: ArrayLike) -> None:
     warn_user(
         f"'bdf-bfgs' amplifies mode {worst} ({s.imag / (2 * np.pi):.4g} Hz, {dominant_in(modes)[worst]}) of {m.name!r} by {grown} "
         f"over this run, if it is excited: omega h = {abs(s) * h:.3g} lies between 0 and 4.8, where BDF of order 4 is not "
-        "stable; take a smaller step, give the mode damping, or use 'generalized-alpha'",
+        "stable; take a smaller step, give the mode damping, or use 'generalized-alpha'"
     )
 
 

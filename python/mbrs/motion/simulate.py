@@ -337,7 +337,7 @@ def _warn_of_tolerance(asked: dict[str, Any], served: dict[str, Any]) -> None:
     if served.get("rtol") != asked.get("rtol"):
         warn_user(
             f"rtol={asked['rtol']:g} was not reached: the equations of a step are solved without a tangent, which allows "
-            f"{served['rtol']:g}; .error estimates the error of the motion",
+            f"{served['rtol']:g}; .error estimates the error of the motion"
         )
 
 
@@ -353,7 +353,7 @@ def _warn_of_bending(traj: Trajectory) -> None:
         if part > _BENT:
             warn_user(
                 f"{name!r} deflects by {part:.2g} of its length; flexible bodies deform linearly in their frame, which is "
-                "for small deflections: stiffen it, or divide it into several bodies",
+                "for small deflections: stiffen it, or divide it into several bodies"
             )
 
 
@@ -433,7 +433,7 @@ def _warn_of_start(m: Model, made: dict[str, Any]) -> None:
         if size > _CHANGED:
             warn_user(
                 f"the initial {plural} of {m.name!r} contradict its joints; joint coordinates were changed by up to {size:.3g} "
-                f"radians or characteristic lengths{unit} to agree",
+                f"radians or characteristic lengths{unit} to agree"
             )
 
 

@@ -186,7 +186,7 @@ def warn_of_growth(growth: float) -> None:
         warn_user(
             f"the motion amplifies relative changes of the parameters {growth:.1e} times: over this time span it is chaotic, or nearly "
             "chaotic. The derivative is exact for these steps and may say nothing about the continuous motion; compare other steps (.error "
-            "of mb.gradient does), or end earlier",
+            "of mb.gradient does), or end earlier"
         )
 
 

@@ -67,7 +67,7 @@ def _warn_of_mode(air: Aerodynamics, body: str, step: float, k: int, frequency: 
     warn_user(
         f"{air.name!r}: a step of the inflow takes {step:.4g} s, longer than an eighth of the period {1.0 / frequency:.4g} s of mode "
         f"{k + 1} of {body!r} ({frequency:.4g} Hz), which makes {100.0 * share:.0f} % of the blade's deflection under the present load; "
-        f'give options={{"steps": ...}} {step * STEPS_A_PERIOD * frequency:.2g} times as many',
+        f'give options={{"steps": ...}} {step * STEPS_A_PERIOD * frequency:.2g} times as many'
     )
 
 
@@ -77,5 +77,5 @@ def warn_long_turn(air: Aerodynamics, speed: float, step: float) -> None:
     if turn > LARGEST_TURN * (1.0 + _ROUNDED):
         warn_user(
             f"{air.name!r}: the rotor came to turn by {np.degrees(turn):.4g} degrees in a step of the inflow ({step:.4g} s, chosen for "
-            f'its speed at the start); give options={{"steps": ...}} {turn / LARGEST_TURN:.2g} times as many',
+            f'its speed at the start); give options={{"steps": ...}} {turn / LARGEST_TURN:.2g} times as many'
         )

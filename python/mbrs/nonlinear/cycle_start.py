@@ -71,11 +71,10 @@ def from_coefficients(X: np.ndarray, w: float) -> Start:
     return Start(X, w, mesh, np.vstack([(c @ turns).real, ((1j * w * h * c) @ turns).real]))
 
 
-def equilibrium(system: Any, force: Any) -> np.ndarray:
-    """x of rest under the static forces, from the constant terms of harmonic balance."""
-    setup = balance.prepare(system, force, FIRST)
+def equilibrium(setup: Any, n: int) -> np.ndarray:
+    """x (n,) of rest under the static forces, from the constant terms of harmonic balance."""
     answer = balance.call_core(setup.core.solve, setup.start(None), [1.0], tolerance=AT_REST, max_iterations=50)
-    return setup.expand(answer["y"], 1.0)[:, 0] if answer["converged"] else np.zeros(system.n)
+    return setup.expand(answer["y"], 1.0)[:, 0] if answer["converged"] else np.zeros(n)
 
 
 def tangent(system: Any, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -94,12 +93,12 @@ class Modes:
 
     def __init__(self, system: Any, force: Any) -> None:
         n = system.n
-        self.rest = equilibrium(system, force)
+        setup = balance.prepare(system, force, FIRST)
+        self.core, self.rest = setup.core, equilibrium(setup, n)
         self.M, C, K = tangent(system, self.rest)
         A = np.block([[np.zeros((n, n)), np.eye(n)], [-np.linalg.solve(self.M, K), -np.linalg.solve(self.M, C)]])
         self.s, shapes = np.linalg.eig(A)
         self.shapes = shapes[:n] / np.sqrt([np.vdot(c, self.M @ c).real for c in shapes[:n].T])
-        self.core = balance.prepare(system, force, FIRST).core
 
     def unstable(self) -> list[int]:
         """Indices of the modes that grow, the fastest first."""
@@ -144,18 +143,21 @@ def candidates(system: Any, force: Any, omega: float | None) -> Iterator[tuple[n
     if system.n > 200:
         return
     modes = Modes(system, force)
+
+    def power(x: float, shape: np.ndarray, w: float) -> float:
+        return modes.power(np.exp(x) * shape, w)
+
     for i in modes.unstable():
         w = abs(modes.s[i]) if omega is None else omega
         shape = modes.shapes[:, i]
         start = modes.felt(shape, w)
         if start is None:
             continue
-        power = lambda x: modes.power(np.exp(x) * shape, w)  # noqa: B023, E731
         logarithms = np.log(start * AMPLITUDES)
-        powers = [power(x) for x in logarithms]
+        powers = [power(x, shape, w) for x in logarithms]
         for a, p, b, q in zip(logarithms, powers, logarithms[1:], powers[1:], strict=False):
             if p < 0 <= q:
-                yield _first_harmonic(modes.rest, np.exp(brentq(power, a, b)) * shape), w
+                yield _first_harmonic(modes.rest, np.exp(brentq(power, a, b, args=(shape, w))) * shape), w
 
 
 def _first_harmonic(rest: np.ndarray, c: np.ndarray) -> np.ndarray:

@@ -166,7 +166,7 @@ class Torus:
         if distance[worst] < SLOW and np.abs(k[worst]).sum() <= top:
             warn_user(
                 f"the frequencies are almost commensurable: {combination} is only {distance[worst]:.1e} of the "
-                "largest; the motion beats slowly and may need many terms",
+                "largest; the motion beats slowly and may need many terms"
             )
 
     def start(self, x0: Any) -> np.ndarray:

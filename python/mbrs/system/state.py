@@ -101,7 +101,7 @@ def drawn(model: Any, system: Any, hold: bool = True, without: Sequence[str] = (
     if made["velocities_contradict"]:
         warn_user(
             f"the given velocities of {model.name!r} contradict its joints; they were changed by up to "
-            f"{made['velocity_correction']:.3g} m/s to agree",
+            f"{made['velocity_correction']:.3g} m/s to agree"
         )
     return State(made["q"], made["rate"], "drawn")
 

@@ -92,8 +92,7 @@ impl Pairs {
         for pass in 0..PASSES {
             let found = if pass == 0 { self.coupling() } else { self.projections(&moving) };
             let step = Corrections::new(&found, &self.s, &self.slope, &moving);
-            let weight: Vec<f64> = self.s.iter().map(|s| s.norm()).collect();
-            let sizes = step.sizes(&weight, &moving);
+            let sizes = step.sizes();
             let largest = sizes.iter().fold(0.0f64, |m, v| if v.is_nan() { f64::INFINITY } else { m.max(*v) });
             if largest > 0.5 * last {
                 return false;
@@ -101,7 +100,7 @@ impl Pairs {
             last = largest;
             counts.add("corrections of modes", moving.len() as u64);
             self.apply(&found, &step, &moving);
-            moving = step.unsettled(&sizes, &weight, &moving);
+            moving = step.unsettled(&sizes, &moving);
             if moving.is_empty() {
                 return true;
             }

@@ -106,9 +106,7 @@ fn corrected_by_all(
     let change = &x * &step.own + x.conjugate() * &step.other;
     let vectors = Mat::from_fn(n, poor.len(), |i, c| x[(i, poor[c])] + change[(i, c)]);
     let roots = poor.iter().enumerate().map(|(c, &j)| s[j] - found.plain[(j, c)] / slope[j]).collect();
-    let weight: Vec<f64> = s.iter().map(|s| s.norm()).collect();
-    let sizes = step.sizes(&weight, poor);
-    (roots, vectors, sizes)
+    (roots, vectors, step.sizes())
 }
 
 const FOLLOWED: usize = 8;

@@ -23,45 +23,41 @@ pub struct Projections {
 pub struct Corrections {
     pub own: Mat<C>,
     pub other: Mat<C>,
+    /// Share of each vector in a correction, as energies measure it: vectors of soft modes are long.
+    share: Mat<f64>,
 }
 
 impl Corrections {
     /// Of the pairs `columns`. Two pairs that nearly coincide, and are coupled by no more than rounding, stay as they are.
     pub fn new(found: &Projections, s: &[C], slope: &[C], columns: &[usize]) -> Self {
         let (n, m) = (s.len(), columns.len());
-        let own = |k: usize, c: usize| {
+        let weight: Vec<f64> = s.iter().map(|s| s.norm()).collect();
+        let own = Mat::from_fn(n, m, |k, c| {
             let (j, p) = (columns[c], found.plain[(k, c)]);
             let (gap, rounding) = (s[k] - s[j], ROUNDING * (slope[k] * s[j]).norm() * (1.0 + (s[j] / s[k]).norm()));
-            let is_one = gap.norm() <= EPS.sqrt() * s[j].norm() && p.norm() <= rounding;
+            let is_one = gap.norm() <= EPS.sqrt() * weight[j] && p.norm() <= rounding;
             if k == j || is_one { C::ZERO } else { p / (slope[k] * gap) }
-        };
-        let other = |k: usize, c: usize| found.conjugate[(k, c)] / (slope[k] * (s[k] - s[columns[c]].conj())).conj();
-        Corrections { own: Mat::from_fn(n, m, own), other: Mat::from_fn(n, m, other) }
-    }
-
-    /// Share of vector k in correction c, as energies measure it: vectors of soft modes are long.
-    fn share(&self, k: usize, c: usize, weight: &[f64], own: f64) -> f64 {
-        (self.own[(k, c)].norm() + self.other[(k, c)].norm()) * weight[k] / own
+        });
+        let other =
+            Mat::from_fn(n, m, |k, c| found.conjugate[(k, c)] / (slope[k] * (s[k] - s[columns[c]].conj())).conj());
+        let share =
+            Mat::from_fn(n, m, |k, c| (own[(k, c)].norm() + other[(k, c)].norm()) * weight[k] / weight[columns[c]]);
+        Corrections { own, other, share }
     }
 
     /// Length of each column's correction.
-    pub fn sizes(&self, weight: &[f64], columns: &[usize]) -> Vec<f64> {
-        let length = |(c, &j): (usize, &usize)| {
-            (0..weight.len()).map(|k| self.share(k, c, weight, weight[j]).powi(2)).sum::<f64>().sqrt()
-        };
-        columns.iter().enumerate().map(length).collect()
+    pub fn sizes(&self) -> Vec<f64> {
+        self.share.col_iter().map(|share| share.iter().map(|v| v * v).sum::<f64>().sqrt()).collect()
     }
 
     /// The columns whose error of second order, by the corrections of those that they took part of, is more than rounding.
-    pub fn unsettled(&self, sizes: &[f64], weight: &[f64], columns: &[usize]) -> Vec<usize> {
-        let mut error = vec![0.0; weight.len()];
-        for (c, &j) in columns.iter().enumerate() {
-            error[j] = sizes[c];
+    pub fn unsettled(&self, sizes: &[f64], columns: &[usize]) -> Vec<usize> {
+        let mut error = vec![0.0; self.share.nrows()];
+        for (size, &j) in sizes.iter().zip(columns) {
+            error[j] = *size;
         }
-        let left = |c: usize, j: usize| {
-            (0..weight.len()).map(|k| self.share(k, c, weight, weight[j]) * (error[k] + sizes[c])).sum::<f64>()
-        };
-        columns.iter().enumerate().filter(|&(c, &j)| exceeds(left(c, j), EPS)).map(|(_, &j)| j).collect()
+        let left = |c: usize| (0..error.len()).map(|k| self.share[(k, c)] * (error[k] + sizes[c])).sum::<f64>();
+        columns.iter().enumerate().filter(|(c, _)| exceeds(left(*c), EPS)).map(|(_, &j)| j).collect()
     }
 }
 
