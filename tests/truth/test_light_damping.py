@@ -50,7 +50,7 @@ def polished(s, *parts):
     raise AssertionError("no root near the computed one")
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(1, 6))])
 @pytest.mark.parametrize(("damping", "spread"), [(0.03, 1.0), (0.3, 1.0), (0.1, 1e3), (4.0, 1.0)])
 def test_roots_are_right_to_their_error(damping, spread, seed):
     rng = np.random.default_rng([seed, int(100 * damping), int(spread)])
@@ -60,18 +60,14 @@ def test_roots_are_right_to_their_error(damping, spread, seed):
     M, C, K = ((np.outer(unit, unit) * x)[np.ix_(order, order)] for x in (np.diag(mass), matrices(*c), matrices(*k)))
     r = mb.modes(mb.MechanicalSystem(M, C, K))
     assert r.status == "converged" and len(r.eigenvalue) == n
+    upper = r.roots[r.roots.imag >= 0.0]  # the others are their conjugates
     with mp.workdps(50):
-        exact = [polished(s, mass, c, k) for s in r.roots]
+        exact = [polished(s, mass, c, k) for s in upper]
         apart = min(abs(a - b) for i, a in enumerate(exact) for b in exact[:i])
-        error = np.array(
-            [float(abs(s - complex(e)) / abs(e)) for s, e in zip(r.eigenvalue, exact_of(r, exact), strict=True)]
-        )
+        own = [exact[int(np.argmin(np.abs(upper - s)))] for s in r.eigenvalue]
+        error = np.array([float(abs(s - complex(e)) / abs(e)) for s, e in zip(r.eigenvalue, own, strict=True)])
     light = "general eigensolutions" not in r.stats.counts
     print(f"{damping} {spread} {seed}: light {light}, largest error {error.max():.1e} of {r.error[error.argmax()]:.1e}")
     assert apart > 1e-20 * max(abs(s) for s in exact)
     assert np.all(error <= 10 * r.error + 4 * EPS)
     assert light or damping > 0.1 or spread > 1.0
-
-
-def exact_of(r, exact):
-    return [exact[int(np.argmin(np.abs(r.roots - s)))] for s in r.eigenvalue]
