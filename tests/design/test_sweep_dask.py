@@ -12,6 +12,7 @@ import mbrs as mb
 import pytest
 import sweep_scenes as scenes
 from mbrs.design import pools
+from mbrs.design.chunk import Task
 from test_sweep import bits
 
 dask = pytest.importorskip("dask")
@@ -28,7 +29,7 @@ def limited():
     """Raise in what takes too long."""
 
     def cut(*_):
-        raise TimeoutError(f"longer than {LIMIT} s")
+        pytest.fail(f"longer than {LIMIT} s")
 
     old = signal.signal(signal.SIGALRM, cut)
     signal.alarm(LIMIT)
@@ -99,20 +100,45 @@ def test_a_design_that_ends_its_worker_is_found_in_the_same_run(client):
     )
 
 
-@pytest.mark.slow
-def test_a_cluster_without_workers_is_not_waited_for(monkeypatch, tmp_path):
-    """All workers leave during the sweep: an error in place of an endless wait, and the store holds what came before."""
+@contextlib.contextmanager
+def one_worker(monkeypatch):
+    """A cluster of one worker and its client, which gives up after a second without any."""
     monkeypatch.setattr(pools, "_ASK", 0.2)
     monkeypatch.setattr(pools, "_ALONE", 1.0)
-    m, designs = scenes.model(), scenes.designs(N)
     with (
         distributed.LocalCluster(
             n_workers=1, threads_per_worker=1, processes=True, dashboard_address=None, silence_logs=50
         ) as cluster,
-        distributed.Client(cluster) as alone,
+        distributed.Client(cluster) as client,
     ):
+        yield cluster, client
+
+
+@pytest.mark.slow
+def test_a_cluster_without_workers_is_not_waited_for(monkeypatch, tmp_path):
+    """All workers leave during the sweep: an error in place of an endless wait, and the store holds what came before."""
+    m, designs = scenes.model(), scenes.designs(N)
+    with one_worker(monkeypatch) as (cluster, alone):
         threading.Timer(1.0, lambda: cluster.scale(0)).start()
         with pytest.raises(mb.RouteError, match="has had no worker for 1 s"):
             mb.sweep(m, designs, scenes.slower, executor=alone, store=tmp_path / "runs", chunk=2)
     runs = mb.sweep(m, designs, scenes.slower, store=tmp_path / "runs")
     assert runs.done.all() and bits(runs) == bits(mb.sweep(m, designs, scenes.numbers))
+
+
+@pytest.mark.slow
+def test_a_result_that_is_lost_with_the_last_worker_is_not_waited_for(monkeypatch):
+    """It was computed, but the worker left before the result was fetched: Dask waits for another worker."""
+    designs = scenes.designs(4)
+    with one_worker(monkeypatch) as (cluster, alone):
+        pool = pools.Cluster(alone)
+        future = pool.submit(Task(pool.scene(scenes.model(), scenes.numbers), designs.names, 0, designs.values, None))
+        assert pool.finished([future]) == [future]
+        cluster.scale(0)
+        while alone.nthreads():
+            time.sleep(0.01)
+        with pytest.raises(mb.RouteError, match="has had no worker for 1 s"):
+            pool.chunk(future)
+        cluster.scale(1)
+        alone.wait_for_workers(1, timeout=60)
+        assert pool.chunk(future).status.tolist() == [0, 0, 0, 0]

@@ -262,12 +262,17 @@ class Cluster(Pool):
     def chunk(self, future: Any) -> Chunk:
         from distributed import KilledWorker
 
-        try:
-            return future.result()
-        except KilledWorker as reason:
-            raise WorkerLost(str(reason)) from None
-        except CancelledError:
-            raise Restarted from None
+        patience = _ASK
+        while True:
+            try:
+                return future.result(patience)
+            except KilledWorker as reason:
+                raise WorkerLost(str(reason)) from None
+            except CancelledError:
+                raise Restarted from None
+            except TimeoutError:  # it is large, or was lost with its worker, so that Dask computes it anew
+                self.finished([future])
+                patience *= 2
 
 
 def _same(scene: Scene) -> Scene:
