@@ -367,8 +367,15 @@ class HbmProblem:
     ) -> dict[str, Any]: ...
     def cycle(self, z: NDArray[np.float64], *, tolerance: float, max_iterations: int) -> dict[str, Any]: ...
     def floquet(
-        self, y: NDArray[np.float64], omega: list[float], monodromy: bool = False, model: Any = None
-    ) -> tuple[NDArray[np.complex128] | None, NDArray[np.float64] | None]: ...
+        self,
+        y: NDArray[np.float64],
+        omega: list[float],
+        *,
+        error: float = 0.0,
+        free: bool = False,
+        monodromy: bool = False,
+        model: Any = None,
+    ) -> dict[str, Any]: ...
     def peak(
         self,
         y: NDArray[np.float64],

@@ -141,6 +141,14 @@ def test_hertz_and_work_counts():
     assert a.stable is None and a.exponents is None and a.stats.counts["monodromies"] == 0
 
 
+def test_a_fold_is_closed_in_by_few_corrections():
+    given = dict(force=[0.18], omega=(0.5, 1.6), harmonics=7, stability=False)
+    found, plain = (frequency_response(duffing(), events=events, **given) for events in (True, False))
+    more = found.stats.counts["corrections"] - plain.stats.counts["corrections"]
+    print(f"{len(found.events)} folds by {more} corrections")
+    assert len(found.events) == 2 and len(found) == len(plain) and more <= 30
+
+
 def test_multipliers_equal_shooting(curve):
     for i in (0, len(curve) // 3, len(curve) // 2, len(curve) - 1):
         one = curve.point(i)
@@ -186,9 +194,9 @@ def test_hill_and_monodromy_agree():
     system = two_mass_cubic()
     one = harmonic_balance(system, force=[0.11, 0.0], omega=1.0, harmonics=15)
     setup = balance.prepare(system, [0.11, 0.0], Fourier(15))
-    exponents, phi = setup.core.floquet(setup.start(one), [1.0], monodromy=True)
-    by_hill = np.sort_complex(np.exp(exponents * one.period))
-    assert np.max(np.abs(by_hill - np.sort_complex(np.linalg.eigvals(phi)))) < 1e-7
+    told = setup.core.floquet(setup.start(one), [1.0], monodromy=True)
+    by_hill = np.sort_complex(np.exp(told["exponents"] * one.period))
+    assert np.max(np.abs(by_hill - np.sort_complex(np.linalg.eigvals(told["monodromy"])))) < 1e-7
 
 
 @pytest.mark.parametrize("name", ["duffing", "two masses", "van der Pol spring"])
@@ -211,8 +219,8 @@ def test_stability_along_a_branch_is_that_of_hill(name):
     for i in range(0, len(response), 7):
         one = response.point(i)
         setup = balance.prepare(system, force, Fourier(11), one.omega)
-        hill, _ = setup.core.floquet(setup.start(one), [one.omega])
-        theirs = np.exp(hill * one.period)
+        hill = setup.core.floquet(setup.start(one), [one.omega])
+        theirs = np.exp(hill["exponents"] * one.period)
         ours = np.exp(response.exponents[i] * one.period)
         worst = max(worst, float(np.max(np.min(np.abs(ours[:, None] - theirs), axis=1))))
         # H = 11 leaves a truncation in Hill's roots, as large as the trace lets pass

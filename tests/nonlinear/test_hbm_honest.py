@@ -59,7 +59,7 @@ def test_a_first_point_among_hard_stops_is_found_or_refused():
 
 
 def test_a_cycle_is_kept_when_only_its_stability_fails(monkeypatch):
-    def fails(self, y, omega):
+    def fails(self, y, omega, error, free):
         raise SingularError("the eigenvalues for stability did not converge")
 
     monkeypatch.setattr(balance.Setup, "exponents", fails)

@@ -60,6 +60,7 @@ def test_both_borders_of_parametric_resonance(seed, damped):
         assert np.allclose(found, [low, high], rtol=3e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
 def test_one_freedom_with_damping_has_no_neimark_sacker_points(seed):
     # the product of its multipliers is exp(-c T / m): none of a pair on the unit circle

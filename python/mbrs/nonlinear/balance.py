@@ -126,9 +126,13 @@ class Setup:
         """The reduced model that tells the stability of a large system up to the frequency ``omega``."""
         return self.linear.stability_model((self.harmonics[-1] + 1) * omega / self.subharmonic)
 
-    def exponents(self, y: np.ndarray, omega: float) -> np.ndarray | None:
-        """Floquet exponents of a solution, or None where they cannot be told."""
-        return call_core(self.core.floquet, y, [omega], model=self.model(omega))[0]
+    def exponents(
+        self, y: np.ndarray, omega: float, error: float, free: bool = False
+    ) -> tuple[np.ndarray | None, bool]:
+        """Floquet exponents of a solution with the relative ``error``, None where they cannot be told, and whether the harmonics
+        that were left out do not decide which of them grow; ``free``: a limit cycle."""
+        told = call_core(self.core.floquet, y, [omega], error=error, free=free, model=self.model(omega))
+        return told["exponents"], told["settled"]
 
     def peak(
         self,

@@ -20,7 +20,7 @@ from ..errors import ConvergenceError, Interrupted, MbrsError, ModelError, Singu
 from ..results import Stats
 from . import balance
 from .branch_options import BranchOptions, first_set, one_of_each, range_and_level
-from .branch_points import STATUS, BranchPoint, Chunks, Event, resolved
+from .branch_points import STATUS, BranchPoint, Chunks, Event, resolved, truncation
 from .options import MOST_HARMONICS, Continuation, Fourier, Newton
 from .periodic import effects_of, first_solution
 from .response_curve import FrequencyResponse, Part, known_stability
@@ -41,6 +41,7 @@ F = TypeVar("F", bound=Callable[..., Any])
 # many or too few samples. Smaller: looks cost more than points. Pinned by tests/nonlinear/test_continuation.py.
 CHUNK_POINTS = 20
 CORNERED = 1e-6  # steps below are those around corners that samples make
+NO_WORK = {"corrections": 0, "factorisations": 0, "refinements": 0}
 
 
 class Branch(Iterator[BranchPoint]):
@@ -106,8 +107,7 @@ class Branch(Iterator[BranchPoint]):
         self.setup = self._problem(begin)
         self.chunks = Chunks()
         self.status, self.reason = "going", ""
-        self.corrections = self.factorisations = 0
-        self._corrections_before = self._factorisations_before = 0
+        self.work, self._work_before = dict(NO_WORK), dict(NO_WORK)
         self._read = self._base = 0
         self._stalled = False
         self._exhausted = False  # more harmonics or samples did not find the branch again
@@ -213,15 +213,15 @@ class Branch(Iterator[BranchPoint]):
         """The branch so far as the fields of a `FrequencyResponse`."""
         error = self.chunks.column("error")
         limit = self.fourier.limit()
-        status = "max-points" if self.status == "going" else self.status
-        if status == "converged" and not np.all(error <= limit):
+        status, events = "max-points" if self.status == "going" else self.status, self.events
+        truncated = truncation(self.chunks.column("settled"), events)
+        if status == "converged" and (truncated or not np.all(error <= limit)):
             status = "unresolved"
         chunks = [(setup, part) for setup, part in self.chunks.parts if len(part["p"])]
         parts = tuple(self._part(setup, part) for setup, part in chunks)
         counts = {
             "points": len(error),
-            "corrections": self.corrections,
-            "factorisations": self.factorisations,
+            **self.work,
             "monodromies": sum(part["monodromies"] for _, part in chunks),
         }
         return dict(
@@ -229,12 +229,12 @@ class Branch(Iterator[BranchPoint]):
             level=np.concatenate([part.level for part in parts]),
             stable=known_stability(self.chunks.stable(), self.continuation.stability),
             exponents=self.chunks.exponents(),
-            events=self.events,
+            events=events,
             parts=parts,
             system=self.system,
             force=self.force,
             branch=self,
-            reason=self.reason,
+            reason="; ".join(filter(None, (self.reason, truncated))),
             over=self.over,
             stats=Stats(wall_time, counts, effects_of(self.system), self.setup.route),
             error=error,
@@ -301,7 +301,7 @@ class Branch(Iterator[BranchPoint]):
             return False
         self._forget_last()  # it comes again
         self._core, self._base = core, len(self.chunks)
-        self._corrections_before, self._factorisations_before = self.corrections, self.factorisations
+        self._work_before = dict(self.work)
         return True
 
     def _sample_finer(self) -> None:
@@ -349,9 +349,9 @@ class Branch(Iterator[BranchPoint]):
             s = None if e["exponent"] is None else complex(*e["exponent"])
             index = min(e["before"], base + len(part["p"]))
             built = partial(setup.expand, e["y"], *where)
-            self.chunks.events.append(Event(e["kind"], where[0], where[1], s, index, where[2], built))
-        self.corrections = self._corrections_before + part.pop("corrections")
-        self.factorisations = self._factorisations_before + part.pop("factorisations")
+            status = "converged" if e["settled"] else "unresolved"
+            self.chunks.events.append(Event(e["kind"], where[0], where[1], s, index, where[2], status, built))
+        self.work = {name: before + part.pop(name) for name, before in self._work_before.items()}
         self.status = STATUS.get(part["status"], part["status"])
         self._stalled = self.status == "stopped" and part.get("broken") is None
         if self.status == "stopped":
@@ -379,13 +379,12 @@ class Branch(Iterator[BranchPoint]):
             self.setup, self._model, self._exhausted = setup, model, True
             return part, events
         self._core = core
-        self._corrections_before += part["corrections"]
-        self._factorisations_before += part["factorisations"]
+        self._work_before = {name: before + part[name] for name, before in self._work_before.items()}
         kept = max(first - 1, 0)
         if first == 0 and before is not None:
             self._forget_last()
         part = {key: value[:kept] if isinstance(value, np.ndarray) else value for key, value in part.items()}
-        part.update(corrections=0, factorisations=0, status="going")
+        part.update(NO_WORK, status="going")
         self._base = limit = len(self.chunks) + kept
         return part, [e for e in events if e["before"] < limit]
 
@@ -494,8 +493,8 @@ class Branch(Iterator[BranchPoint]):
         across = null.T @ np.array([-along[1], along[0]]) / np.linalg.norm(along)
         step = side * size * across * scale
         other.chunks, other.status, other._exhausted = Chunks(), "going", False
-        other._read = other._base = other.corrections = other.factorisations = 0
-        other._corrections_before = other._factorisations_before = 0
+        other._read = other._base = 0
+        other.work, other._work_before = dict(NO_WORK), dict(NO_WORK)
         other._core = other._start(y + step[:-1], p + float(step[-1]), step, across=True)
         return other
 

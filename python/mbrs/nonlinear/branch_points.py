@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -18,7 +18,7 @@ MEANING = {
     "interrupted": "cut by Ctrl-C; .resume() goes on",
     "max-points": "cut at max_points; .resume() goes on",
     "stopped": "the step became smaller than min_step; the points so far are kept",
-    "unresolved": "the end was reached, but an estimated error exceeds the tolerance: take more harmonics",
+    "unresolved": "the end was reached, but the motion or its stability needs more harmonics",
 }
 
 
@@ -29,7 +29,8 @@ class Event:
 
     ``omega`` (rad/s), ``level`` and, on a branch in a parameter, its ``value`` say where, ``X`` (dof, 2H+1) is the motion
     there (built when asked for), ``exponent`` the Floquet exponent that crosses (None where it does not matter), ``index``
-    the number of the first point of the branch behind it.
+    the number of the first point of the branch behind it. ``status`` is "unresolved" where the harmonics that were left out decide
+    whether there is such a point.
     """
 
     kind: str
@@ -38,6 +39,7 @@ class Event:
     exponent: complex | None
     index: int
     value: float | None = None
+    status: str = "converged"
     built: Callable[[], np.ndarray] | None = field(default=None, repr=False)
 
     @cached_property
@@ -123,6 +125,14 @@ def filled_up(rows: list[np.ndarray]) -> np.ndarray:
     for i, row in enumerate(rows):
         out[i, : len(row)] = row
     return out
+
+
+def truncation(settled: np.ndarray, events: Sequence[Event]) -> str:
+    """Count of what the harmonics that were left out decide on a curve, with the remedy; "" where they decide nothing."""
+    points, special = int(np.sum(~settled.astype(bool))), [e for e in events if e.status == "unresolved"]
+    counts = [(points, "the stability of {} point"), (len(special), "{} special point")]
+    what = [text.format(n) + "s" * (n > 1) for n, text in counts if n]
+    return f"harmonics that were left out decide {' and '.join(what)}: take more harmonics" if what else ""
 
 
 CROSSINGS = {"fold": 1, "branch-point": 1, "period-doubling": 1, "neimark-sacker": 2}

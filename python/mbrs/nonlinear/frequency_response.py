@@ -13,7 +13,7 @@ from ..results import Stats
 from . import balance
 from .branch import BRANCH_DEFAULTS, Branch, interrupted, takes_branch_options
 from .branch_options import BranchOptions
-from .branch_points import filled_up
+from .branch_points import filled_up, truncation
 from .options import Fourier
 from .periodic import effects_of, harmonic_balance
 from .response_curve import FrequencyResponse, Part, known_stability
@@ -126,18 +126,23 @@ def _points(system: Any, options: BranchOptions) -> FrequencyResponse:
     scaled = balance.scaled_force(force, balance.checked_level(level))
     of_each = {name: given[name] for name in ("n_samples", "subharmonic", "condense", "tol", "harmonics")}
     found, status = _solved_one_by_one(system, scaled, list(map(float, w)), given["x0"], of_each, stability)
-    parts, errors, exponents, evaluations = zip(*found, strict=True)
+    parts, errors, exponents, settled, evaluations = zip(*found, strict=True)
     n, borders = len(found), balance.NEUTRAL * w[: len(found)] / given["subharmonic"]
-    stable = [np.nan if s is None else float(np.all(s.real <= b)) for s, b in zip(exponents, borders, strict=True)]
+    stable = np.array(
+        [np.nan if s is None else np.all(s.real <= b) for s, b in zip(exponents, borders, strict=True)], float
+    )
+    stable[~np.array(settled)] = np.nan
+    truncated = truncation(np.array(settled), ())
     made = FrequencyResponse(
         np.asarray(w[:n]),
         np.full(n, float(level)),
-        known_stability(np.array(stable), stability),
+        known_stability(stable, stability),
         None if any(s is None for s in exponents) else filled_up(list(exponents)),
         (),
         parts,
         system,
         force,
+        reason=truncated,
         over="frequency" if given["omega"] is None else "omega",
         stats=Stats(
             perf_counter() - started,
@@ -146,7 +151,7 @@ def _points(system: Any, options: BranchOptions) -> FrequencyResponse:
             parts[-1].setup.route,
         ),
         error=np.array(errors),
-        status=status,
+        status="unresolved" if status == "converged" and truncated else status,
     )
     if status == "interrupted":
         raise Interrupted(f"a set of {len(w)} frequencies was interrupted after {n} of them", made)
@@ -155,10 +160,11 @@ def _points(system: Any, options: BranchOptions) -> FrequencyResponse:
 
 def _solved_one_by_one(
     system: Any, force: Any, frequencies: Sequence[float], x0: Any, options: dict[str, Any], stability: bool
-) -> tuple[list[tuple[Part, float, Any, int]], str]:
-    """(point, error, exponents or None, evaluations) of each frequency up to the first without a solution, and the status."""
+) -> tuple[list[tuple[Part, float, Any, bool, int]], str]:
+    """(point, error, exponents or None, whether they are settled, evaluations) of each frequency up to the first without a solution,
+    and the status."""
     fourier = Fourier(**options)
-    found: list[tuple[Part, float, Any, int]] = []
+    found: list[tuple[Part, float, Any, bool, int]] = []
     status, guess = "converged", x0
     try:
         for omega in frequencies:
@@ -174,8 +180,8 @@ def _solved_one_by_one(
             y = setup.start(one)
             # the forces of this set are scaled already
             part = Part(setup, np.array([omega]), np.ones(1), y[None, :])
-            s = setup.exponents(y, omega) if stability else None
-            found.append((part, one.error, s, one.stats.counts["evaluations"]))
+            s, settled = setup.exponents(y, omega, one.error) if stability else (None, True)
+            found.append((part, one.error, s, settled, one.stats.counts["evaluations"]))
             status, guess = one.status if status == "converged" else status, one
     except KeyboardInterrupt:
         if not found:

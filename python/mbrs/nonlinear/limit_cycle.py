@@ -36,9 +36,8 @@ AT_REST = 1e-4
 class LimitCycle(PeriodicSolution):
     """A limit cycle. ``omega`` is found with it, ``period`` = 2 pi / omega.
 
-    ``exponents`` (2 dof,) are Floquet exponents in 1/s, one of them zero, or None where they cannot be told;
-    ``stable`` is None
-    then. ``error`` estimates coefficients and frequency together.
+    ``exponents`` (2 dof,) are Floquet exponents in 1/s, one of them zero, or None where they cannot be told or the harmonics that
+    were left out decide which of them grow; ``stable`` is None then. ``error`` estimates coefficients and frequency together.
     """
 
     exponents: np.ndarray | None = quantity(dims=("exponent",), unit="1/s", default=None, kw_only=True)
@@ -260,9 +259,9 @@ def _refine(
 def _result(system: Any, force: Any, setup: Any, answer: Any, limit: float, started: float) -> LimitCycle:
     y, w = answer["z"][:-1], float(answer["z"][-1])
     try:
-        exponents = setup.exponents(y, w)
+        exponents, settled = setup.exponents(y, w, answer["error"], free=True)
     except SingularError:
-        exponents = None  # the cycle is a result also where its stability is not
+        exponents, settled = None, True  # the cycle is a result also where its stability is not
     counts = {key: answer[key] for key in ("iterations", "evaluations")}
     return LimitCycle(
         setup.expand(y, w),
@@ -272,7 +271,7 @@ def _result(system: Any, force: Any, setup: Any, answer: Any, limit: float, star
         setup.n_samples,
         system,
         force,
-        exponents=exponents,
+        exponents=exponents if settled else None,
         stats=Stats(perf_counter() - started, counts, effects_of(system), setup.route),
         error=answer["error"],
         status="converged" if answer["error"] <= limit else "unresolved",

@@ -157,11 +157,11 @@ class PeriodicSolution(FourierMotion, Result):
     @property
     def multipliers(self) -> np.ndarray | None:
         """(2 dof,) Floquet multipliers exp(s T) over one period of the motion, computed when asked for; None where they cannot be
-        told (laws with memory, large systems without a reduced model)."""
+        told (laws with memory, large systems without a reduced model, growth that the harmonics that were left out decide)."""
         fourier = Fourier(self.harmonics, self.n_samples or None, self.subharmonic)
         setup = balance.prepare(self.system, self.force, fourier, self.omega)
-        s = setup.exponents(setup.start(self), self.omega)
-        return None if s is None else np.exp(s * self.period)
+        s, settled = setup.exponents(setup.start(self), self.omega, self.error)
+        return None if s is None or not settled else np.exp(s * self.period)
 
     def verify(self, rtol: float = 1e-9, *, full: bool | None = None) -> Distance:
         """Integrates one period from the solution's own state at t = 0 and returns the largest distance between the

@@ -53,7 +53,9 @@ class FrequencyResponse(Result):
     omega, level
         (n,) excitation frequency in rad/s and factor on the forces.
     stable
-        (n,) bool; None where stability was not asked for; numbers with nan where it cannot be told (laws with memory).
+        (n,) bool; None where stability was not asked for; numbers with nan where it cannot be told (laws with memory, contacts
+        within the error of the motion, exponents whose sign the harmonics that were left out decide). Where the estimated error
+        of the motion may turn an exponent, a motion with twice as many harmonics tells (``.stats.counts["refinements"]``).
     exponents
         (n, 2 dof) Floquet exponents in 1/s, or None; of large systems those of a reduced model, filled up with nan.
     events
@@ -62,7 +64,8 @@ class FrequencyResponse(Result):
         (n,) estimate from the omitted harmonics relative to the largest coefficient.
     status
         "converged": the end of the range was reached; "max-points", "left-at-start" (the branch came back), "stopped" (the
-        step became too small; ``reason`` says why), "unresolved" (the end was reached, but an error exceeds the tolerance).
+        step became too small; ``reason`` says why), "unresolved" (the end was reached, but an error exceeds the tolerance, or the
+        harmonics that were left out decide about a stability or an event; ``reason`` says which).
     over
         "frequency" (Hz) or "omega" (rad/s): what the range was given in, and figures show.
     """
@@ -98,6 +101,7 @@ class FrequencyResponse(Result):
             "event_kind": (np.array([e.kind for e in self.events], dtype=str), ""),
             "event_omega": (np.array([e.omega for e in self.events], dtype=float), "rad/s"),
             "event_level": (np.array([e.level for e in self.events], dtype=float), "1"),
+            "event_status": (np.array([e.status for e in self.events], dtype=str), ""),
         }
         named = {name: (("event",), value, unit, name.replace("_", " ")) for name, (value, unit) in events.items()}
         return {**super().labelled(), **named}
@@ -348,7 +352,8 @@ class FrequencyResponse(Result):
             at_event = event and (event.frequency if over_frequency else self.place(event))
             row.append(float(at_event if event else along[i]))
             row += [float(self.event_amplitude(event, d) if event else self.amplitude(d)[i]) for d in shown]
-            rows.append([*row, *(["", ""] if event else [_error_text(self.error[i]), self._stable_word(i)])])
+            doubt = event.status if event and event.status != "converged" else ""
+            rows.append([*row, *(["", doubt] if event else [_error_text(self.error[i]), self._stable_word(i)])])
         return heads, rows
 
     def _main_coordinates(self) -> list[int]:

@@ -20,22 +20,28 @@ impl<'a> Cycle<'a> {
     /// The phase of the motion y is held: changes are orthogonal to its time derivative.
     pub fn new(problem: &'a mut Problem, y: &[f64]) -> Cycle<'a> {
         problem.parameter = Parameter::Omega(0);
-        let (n, n_c) = (problem.n(), problem.basis.n_coefficients());
-        let harmonics = problem.basis.slope(0);
-        let mut phase = vec![0.0; y.len()];
-        let mut rate = vec![0.0; n_c];
-        for i in 0..n {
-            let own: Vec<f64> = y.iter().skip(i).step_by(n).copied().collect();
-            derivative(&own, &harmonics, &mut rate);
-            for (c, r) in rate.iter().enumerate() {
-                phase[c * n + i] = *r;
-            }
-        }
+        let mut phase = rate(problem, y);
         let size = phase.iter().fold(0.0_f64, |a, b| a.max(b.abs()));
         phase.iter_mut().for_each(|p| *p /= size);
         let inner = Linearisation::new(y.len());
         Cycle { problem, phase, inner }
     }
+}
+
+/// Coefficients of dx/dtau for those of x: the direction in which the phase of a motion changes.
+pub fn rate(problem: &Problem, y: &[f64]) -> Vec<f64> {
+    let (n, n_c) = (problem.n(), problem.basis.n_coefficients());
+    let harmonics = problem.basis.slope(0);
+    let mut out = vec![0.0; y.len()];
+    let mut rate = vec![0.0; n_c];
+    for i in 0..n {
+        let own: Vec<f64> = y.iter().skip(i).step_by(n).copied().collect();
+        derivative(&own, &harmonics, &mut rate);
+        for (c, r) in rate.iter().enumerate() {
+            out[c * n + i] = *r;
+        }
+    }
+    out
 }
 
 impl Curve for Cycle<'_> {

@@ -8,6 +8,26 @@ use crate::tolerances::periodic::{CONTACT_JUMP, CONTACT_STEPS};
 /// Samples from which on a smooth law does not change over a few of them.
 const MANY: usize = 1024;
 
+/// By how much df/du and df/dv of the element that `aft` evaluated last change, in the mean over the period, where displacements
+/// move by `margin`.
+pub fn changes(force: &Force, aft: &Aft, margin: f64) -> [f64; 2] {
+    let linear = matches!(force, Force::Known(law, _) if law.degree().is_some_and(|degree| degree < 2));
+    if linear || margin == 0.0 {
+        return [0.0; 2];
+    }
+    let (u, (f_u, f_v)) = (aft.displacements(), aft.tangents());
+    let n = u.len();
+    let mean = |f: &[f64]| {
+        let range = nan_or_largest(f.iter().copied()) + nan_or_largest(f.iter().map(|x| -x));
+        let one = |i: usize| {
+            let (du, df) = ((u[(i + 1) % n] - u[i]).abs(), (f[(i + 1) % n] - f[i]).abs());
+            if df == 0.0 { 0.0 } else { (df * margin / du).min(range) }
+        };
+        (0..n).map(one).sum::<f64>() / n as f64
+    };
+    [mean(f_u), mean(f_v)]
+}
+
 /// Whether the samples of the element that `aft` evaluated last leave a contact unresolved; displacements may be off by `margin`.
 pub fn is_unresolved(force: &Force, aft: &Aft, margin: f64) -> Result<bool> {
     let margin = match force {

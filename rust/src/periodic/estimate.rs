@@ -21,8 +21,30 @@ pub struct Estimate {
     pub error: f64,
     /// what the finer grid alone changes in the retained terms
     pub aliasing: f64,
+    /// the part of even terms that were left out
+    pub even: f64,
     /// per retained coordinate, in its unit: a bound of the deviation at any instant
     pub deviations: Vec<f64>,
+}
+
+impl Estimate {
+    /// The larger one of each.
+    pub fn larger(&self, other: &Estimate) -> Estimate {
+        Estimate {
+            error: self.error.max(other.error),
+            aliasing: self.aliasing.max(other.aliasing),
+            even: self.even.max(other.even),
+            deviations: self.deviations.iter().zip(&other.deviations).map(|(a, b)| a.max(*b)).collect(),
+        }
+    }
+
+    /// What a relative error of the solution y allows at most.
+    pub fn bound(problem: &Problem, y: &[f64], error: f64) -> Estimate {
+        let weights = problem.weights();
+        let weighed = amplitudes(y, problem.n()).zip(weights.iter().cycle()).map(|(a, w)| a * w);
+        let size = error * nan_or_largest(weighed);
+        Estimate { error, aliasing: error, even: error, deviations: weights.iter().map(|w| size / w).collect() }
+    }
 }
 
 impl Estimator {
@@ -64,7 +86,15 @@ impl Estimator {
         // on the grid of the solution the first residuals vanish
         let relative = |sums: &[f64]| nan_or_largest(sums.iter().zip(&weights).map(|(d, w)| d * w)) / largest;
         let aliasing = relative(&coordinate_sums(&steps.col_as_slice(1)[..n_own], n));
-        Ok(Estimate { error: relative(&deviations), aliasing, deviations })
+        let even = relative(&coordinate_sums(&self.even_extra(step, n_own), n));
+        Ok(Estimate { error: relative(&deviations), aliasing, even, deviations })
+    }
+
+    /// The step without its own terms and without odd ones.
+    fn even_extra(&self, step: &[f64], n_own: usize) -> Vec<f64> {
+        let n = self.larger.n();
+        let odd = |i: usize| self.larger.basis.indices[(i / n - 1) / 2][0] % 2 != 0;
+        (0..step.len()).map(|i| if i < n_own || odd(i) { 0.0 } else { step[i] }).collect()
     }
 }
 

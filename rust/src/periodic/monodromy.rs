@@ -14,7 +14,7 @@ use super::propagator::{Modes, States};
 use crate::error::{Error, Result};
 use crate::periodic::aft::Aft;
 use crate::periodic::linear::Matrices;
-use crate::periodic::problem::{Problem, Tangents};
+use crate::periodic::problem::{Deviation, Problem, Tangents};
 use crate::periodic::rows::{join, root};
 use crate::tolerances::periodic::{MONODROMY, SHRINKING};
 
@@ -94,6 +94,35 @@ impl Splitting {
             Some(Monodromy { own: part.own.clone(), matrix, sum: table.sum })
         });
         made.collect::<Option<_>>().ok_or_else(|| Error::singular("the monodromy matrix has no steps"))
+    }
+
+    /// The same on a motion with more terms, whose samplers are not those of the others.
+    pub fn monodromy_with(
+        &mut self,
+        problem: &mut Problem,
+        y: &[f64],
+        samplers: &mut Vec<Aft>,
+    ) -> Result<Vec<Monodromy>> {
+        let finest = self.finest;
+        std::mem::swap(&mut self.samplers, samplers);
+        let parts = self.monodromy(problem, y);
+        std::mem::swap(&mut self.samplers, samplers);
+        self.finest = finest;
+        parts
+    }
+
+    /// Per part of the system the number of its exponents and by how much deviations of its elements change M^-1 K and M^-1 C w0, as
+    /// one of its modes sees it in the mean.
+    pub fn changes(&self, deviations: &[Deviation], w0: f64) -> Vec<(usize, f64)> {
+        let one = |(e, own): (&usize, &f64)| {
+            let [stiffness, damping] = deviations[*e].changes;
+            own * (stiffness + w0 * damping)
+        };
+        let of = |part: &Part| {
+            let sum: f64 = part.elements.iter().zip(&part.rate_traces).map(one).sum();
+            (2 * part.own.len(), sum / part.own.len() as f64)
+        };
+        self.parts.iter().map(of).collect()
     }
 
     /// df/du and df/dv of the elements at the middles of the steps.

@@ -92,9 +92,9 @@ pub fn find(
         }
         let after = quantity.slope(problem, branch.point())?;
         if let Some(segment) = branch.segment().filter(|_| before > 0.0 && after <= 0.0) {
-            let slope = |problem: &mut Problem, p: &Point, _: &Linearisation| quantity.slope(problem, p);
+            let slope = |problem: &mut Problem, p: &Point, _: &Linearisation| Ok((quantity.slope(problem, p)?, ()));
             let found = segment.zero(problem, &mut branch.work, cancel, (before, after), slope)?;
-            return found.ok_or_else(|| lost("the corrector failed"));
+            return found.map(|(point, ())| point).ok_or_else(|| lost("the corrector failed"));
         }
     }
     Err(lost("the amplitude keeps growing"))

@@ -21,6 +21,14 @@ pub struct Element {
     pub direction: Vec<(usize, f64)>,
 }
 
+/// What deviations of the coordinates mean for an element: whether they decide about a contact, and by how much df/du and df/dv may
+/// change, in the mean over the period.
+#[derive(Debug, Clone, Copy)]
+pub struct Deviation {
+    pub unresolved: bool,
+    pub changes: [f64; 2],
+}
+
 /// df/du and df/dv at the samples, for every element.
 pub type Tangents = Vec<(Vec<f64>, Vec<f64>)>;
 
@@ -418,19 +426,23 @@ impl Problem {
         out
     }
 
-    /// Whether the stiffness of an element jumps so near to an extremum of its displacement that deviations of the coordinates decide,
-    /// or only there: `contact`.
-    pub fn grazes(&mut self, y: &[f64], deviations: &[f64], sampler: &mut Aft) -> Result<bool> {
+    /// Per element, whether its stiffness jumps so near to an extremum of its displacement that deviations of the coordinates decide,
+    /// or only there, and how far they change the tangents: `contact`.
+    pub fn deviate(&mut self, y: &[f64], deviations: &[f64], sampler: &mut Aft) -> Result<Vec<Deviation>> {
         std::mem::swap(&mut self.aft, sampler);
         let n_e = self.elements.len();
-        let mut one = |e: usize| -> Result<bool> {
+        let one = |e: usize| -> Result<Deviation> {
             self.evaluate_element(e, y, Want::Tangents)?;
             let margin: f64 = self.retained[e].iter().map(|(i, w)| w.abs() * deviations[*i]).sum();
-            contact::is_unresolved(&self.elements[e].force, &self.aft, margin)
+            let (force, aft) = (&self.elements[e].force, &self.aft);
+            Ok(Deviation {
+                unresolved: contact::is_unresolved(force, aft, margin)?,
+                changes: contact::changes(force, aft, margin),
+            })
         };
-        let found = (0..n_e).map(&mut one).collect::<Result<Vec<bool>>>();
+        let found = (0..n_e).map(one).collect();
         std::mem::swap(&mut self.aft, sampler);
-        Ok(found?.contains(&true))
+        found
     }
 
     /// Coefficients of all coordinates, full_size x n_c by rows.

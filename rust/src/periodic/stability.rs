@@ -66,8 +66,8 @@ impl Stability {
         Ok(Some(Stability { inertia, splitting, agreed: None, sampler: None, value }))
     }
 
-    /// Exponents of the solution y; `jacobian` is dR/dy there.
-    pub fn exponents(&mut self, problem: &mut Problem, jacobian: MatRef<'_, f64>, y: &[f64]) -> Result<Floquet> {
+    /// Follows a system that depends on the parameter.
+    pub fn renew(&mut self, problem: &mut Problem) -> Result<()> {
         if self.value != problem.family.as_ref().map(|f| f.value)
             && let Some(renewed) = Stability::new(problem, None)?
         {
@@ -75,6 +75,12 @@ impl Stability {
             *self = renewed;
             self.agreed = agreed;
         }
+        Ok(())
+    }
+
+    /// Exponents of the solution y; `jacobian` is dR/dy there.
+    pub fn exponents(&mut self, problem: &mut Problem, jacobian: MatRef<'_, f64>, y: &[f64]) -> Result<Floquet> {
+        self.renew(problem)?;
         if let (Some(inertia), None | Some(false)) = (&self.inertia, self.agreed) {
             let rate = problem.rate_matrix(y)?;
             let exponents = hill(problem, inertia, jacobian, rate.as_ref())?;
@@ -88,28 +94,50 @@ impl Stability {
                 return Ok(Floquet { exponents, by_hill: true, doubtful: false });
             }
         }
-        let parts = self.splitting.monodromy(problem, y)?;
+        let exponents = self.integrated(problem, y, None)?;
         if self.agreed == Some(true) && self.splitting.finest > FEW_STEPS {
             self.agreed = Some(false);
-        }
-        let mut exponents = Vec::with_capacity(self.splitting.size());
-        for part in &parts {
-            exponents.extend(from_monodromy(&part.matrix, part.sum, problem.base_frequency())?);
         }
         Ok(Floquet { exponents, by_hill: false, doubtful: false })
     }
 
-    /// Whether contacts open or close within the deviations of the coordinates of the motion y, or last too short for the samples
-    /// that told its exponents.
-    pub fn is_doubtful(&mut self, problem: &mut Problem, y: &[f64], deviations: &[f64], by_hill: bool) -> Result<bool> {
+    /// Exponents by integration over a period; a motion with other terms has samplers of its own.
+    pub fn integrated(
+        &mut self,
+        problem: &mut Problem,
+        y: &[f64],
+        samplers: Option<&mut Vec<Aft>>,
+    ) -> Result<Vec<c64>> {
+        let parts = match samplers {
+            Some(samplers) => self.splitting.monodromy_with(problem, y, samplers)?,
+            None => self.splitting.monodromy(problem, y)?,
+        };
+        let mut exponents = Vec::with_capacity(self.splitting.size());
+        for part in &parts {
+            exponents.extend(from_monodromy(&part.matrix, part.sum, problem.base_frequency())?);
+        }
+        Ok(exponents)
+    }
+
+    /// What deviations of the coordinates of the motion y leave open: whether contacts open or close within them, or last too short
+    /// for the samples that told its exponents, and per part of the system the number of its exponents and the change of the
+    /// stiffness along the motion, 1/s^2.
+    pub fn deviate(
+        &mut self,
+        problem: &mut Problem,
+        y: &[f64],
+        deviations: &[f64],
+        by_hill: bool,
+    ) -> Result<(bool, Vec<(usize, f64)>)> {
         let samples = if by_hill { problem.dims()[0] } else { self.splitting.finest };
-        if self.sampler.as_ref().is_none_or(|s| s.dims()[0] != samples) {
-            self.sampler = Some(Aft::between(&problem.basis, samples));
-        }
-        match self.sampler.as_mut() {
-            Some(sampler) => problem.grazes(y, deviations, sampler),
-            None => Ok(false),
-        }
+        let mut sampler = match self.sampler.take() {
+            Some(sampler) if sampler.dims()[0] == samples => sampler,
+            _ => Aft::between(&problem.basis, samples),
+        };
+        let found = problem.deviate(y, deviations, &mut sampler);
+        self.sampler = Some(sampler);
+        let found = found?;
+        Ok((found.iter().any(|d| d.unresolved), self.splitting.changes(&found, problem.base_frequency())))
     }
 
     /// Fundamental matrix of the state [x; x'] over one period.

@@ -1,30 +1,29 @@
 //! Harmonic balance for Python: a problem object that solves, estimates and follows branches.
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use numpy::{Complex64, PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2};
+use numpy::{Complex64, PyArray1, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
 
 use super::border::{Dense, Vector, called, guarded, interruptible, matrix, to_numpy};
 use super::expressions::program;
-use super::hbm_branch::find_peak;
+use super::hbm_branch::{find_peak, options};
 use super::hbm_linear::HbmLinear;
 use crate::error::{Error, Result};
 use crate::force::{AnyLaw, FunctionLaw};
 use crate::periodic::aft::{Force, Sampled};
 use crate::periodic::autonomous;
 use crate::periodic::basis::{Basis, Finer};
-use crate::periodic::estimate::Estimator;
+use crate::periodic::estimate::{Estimate, Estimator};
 use crate::periodic::family::{Family, Member, Placed};
 use crate::periodic::linear::{DynamicStiffness, Matrices};
 use crate::periodic::peak::Quantity;
 use crate::periodic::problem::{Element, Parameter, Problem};
 use crate::periodic::stability::Stability;
 use crate::periodic::start;
+use crate::periodic::truncation::{Judge, Solution, Verdict};
 use crate::solve::newton::Options;
 use crate::solve::{Curve, Linearisation};
-
-type Array<'py, T> = Bound<'py, PyArray1<T>>;
-type Matrix<'py> = Bound<'py, PyArray2<f64>>;
+use crate::tolerances::periodic::{FIRST_STEP, LEAST_STEP, PEAK_SOLVED};
 
 pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(law_force, module)?)?;
@@ -338,33 +337,39 @@ impl HbmProblem {
         })
     }
 
-    /// Floquet exponents of a solution (None where they cannot be told), and the monodromy matrix if asked for.
+    /// Floquet exponents of a solution, None where they cannot be told, and the monodromy matrix if asked for. `error` is that of the
+    /// solution: where it may turn an exponent, those of a motion with more harmonics. `free`: a limit cycle.
     /// `model`: M, C, K of a reduced model of a large system, retained coordinates first.
-    #[pyo3(signature = (y, omega, monodromy=false, model=None))]
-    fn floquet<'py>(
+    #[pyo3(signature = (y, omega, *, error=0.0, free=false, monodromy=false, model=None))]
+    #[expect(clippy::too_many_arguments)]
+    fn floquet(
         &self,
-        py: Python<'py>,
+        py: Python<'_>,
         y: PyReadonlyArray1<'_, f64>,
         omega: Vec<f64>,
+        error: f64,
+        free: bool,
         monodromy: bool,
         model: Option<[PyReadonlyArray2<'_, f64>; 3]>,
-    ) -> PyResult<(Option<Array<'py, Complex64>>, Option<Matrix<'py>>)> {
+    ) -> PyResult<Told> {
         let y = y.as_slice()?.to_vec();
         drop(self.at(&omega, y.len(), 1.0)?);
-        let mut problem = self.separate()?;
+        let (mut problem, finer) = (self.separate()?, self.finer.clone());
         let model = model.as_ref().map(matrices);
-        let (exponents, matrix) = interruptible(py, move |_| {
+        interruptible(py, move |_| {
             let mut out = Linearisation::new(y.len());
             problem.linearise_here(&y, &mut out)?;
             let Some(mut stability) = Stability::new(&mut problem, model.as_ref())? else {
-                return Ok((None, None));
+                return Ok(Told { exponents: None, settled: true, monodromy: None });
             };
-            let floquet = stability.exponents(&mut problem, out.jacobian.as_ref(), &y)?;
             let matrix = if monodromy { Some(stability.monodromy(&mut problem, &y)?) } else { None };
-            Ok((Some(floquet.exponents), matrix))
-        })?;
-        let exponents = exponents.map(|e| PyArray1::from_vec(py, e));
-        Ok((exponents, matrix.map(|m| to_numpy(py, m.as_ref()))))
+            let verdict = judged(&mut problem, stability, &finer, &y, &out, error, free)?;
+            Ok(Told {
+                exponents: Some(Vector(verdict.floquet.exponents)),
+                settled: verdict.settled,
+                monodromy: matrix.map(Dense),
+            })
+        })
     }
 
     /// The maximum of one harmonic, or without a term of the displacement, near the solution y: (omega, y). The displacement is
@@ -445,6 +450,34 @@ impl HbmProblem {
         problem.level = level;
         Ok(problem)
     }
+}
+
+/// Exponents of a single solution: of a free motion across the direction in which its phase changes, else at its frequency.
+fn judged(
+    problem: &mut Problem,
+    stability: Stability,
+    finer: &Finer,
+    y: &[f64],
+    out: &Linearisation,
+    error: f64,
+    free: bool,
+) -> Result<Verdict> {
+    let p = problem.parameter_value();
+    let mut along = if free { autonomous::rate(problem, y) } else { vec![0.0; y.len()] };
+    along.push(if free { 0.0 } else { 1.0 });
+    let z: Vec<f64> = y.iter().copied().chain([p]).collect();
+    let steps = [FIRST_STEP, LEAST_STEP, 1.0];
+    let options = options("tangent", "pseudo-arclength", steps, PEAK_SOLVED, p)?;
+    let estimate = Estimate::bound(problem, y, error);
+    Judge::new(stability, finer, options, free).judge(problem, out, Solution { z: &z, along: &along }, &estimate, false)
+}
+
+/// Exponents, whether the harmonics that were left out do not decide which of them grow, and the monodromy matrix.
+#[derive(IntoPyObject)]
+struct Told {
+    exponents: Option<Vector<Complex64>>,
+    settled: bool,
+    monodromy: Option<Dense<f64>>,
 }
 
 /// Residual with its derivatives by the coefficients and by the parameter.

@@ -8,10 +8,11 @@ use pyo3::prelude::*;
 use super::border::{Rows, Vector, interruptible};
 use super::hbm::{HbmProblem, lock, matrices, parameter_called};
 use crate::error::{Error, Result};
+use crate::periodic::crossings::{Kind, unstable};
 use crate::periodic::peak;
 use crate::periodic::peak::Quantity;
 use crate::periodic::problem::{Parameter, Problem};
-use crate::periodic::response::{Event, Follower, Kind, Record, Settings, Status, unstable};
+use crate::periodic::response::{Event, Follower, Record, Settings, Status};
 use crate::periodic::start;
 use crate::run::Cancel;
 use crate::solve::corrector::{Corrector, Options, Predictor};
@@ -100,12 +101,15 @@ struct Chunk {
     iterations: Vector<f64>,
     /// how many exponents grow, nan where that is not known
     growing: Vector<f64>,
+    /// false where the truncation of the motion decides that
+    settled: Vector<bool>,
     y: Rows<f64>,
     exponents: Option<Rows<Complex64>>,
     monodromies: usize,
     events: Vec<Special>,
     corrections: u64,
     factorisations: u64,
+    refinements: u64,
     broken: Option<usize>,
     status: &'static str,
 }
@@ -117,6 +121,7 @@ struct Special {
     p: f64,
     y: Vector<f64>,
     exponent: Option<(f64, f64)>,
+    settled: bool,
     before: usize,
 }
 
@@ -249,7 +254,7 @@ impl Chunk {
         let records = std::mem::take(&mut follower.records);
         let column = |of: &dyn Fn(&Record) -> f64| Vector(records.iter().map(of).collect());
         let growing = |r: &Record| match &r.floquet {
-            Some(f) if !f.doubtful && f.exponents.iter().all(|s| s.re.is_finite()) => {
+            Some(f) if r.settled && !f.doubtful && f.exponents.iter().all(|s| s.re.is_finite()) => {
                 unstable(&f.exponents, base) as f64
             }
             _ => f64::NAN,
@@ -264,12 +269,14 @@ impl Chunk {
             step: column(&|r| r.step),
             iterations: column(&|r| r.iterations as f64),
             growing: column(&growing),
+            settled: Vector(records.iter().map(|r| r.settled).collect()),
             y: Rows::new(records.iter().map(|r| r.y.clone()).collect())?,
             exponents: if known { Some(Rows::new(exponents)?) } else { None },
             monodromies: records.iter().filter(|r| r.floquet.as_ref().is_some_and(|f| !f.by_hill)).count(),
             events: std::mem::take(&mut follower.events).into_iter().map(Special::from).collect(),
             corrections: follower.corrections(),
             factorisations: follower.factorisations(),
+            refinements: follower.refinements(),
             broken: follower.problem.ever_broken,
             status: match follower.status {
                 Status::Going => "going",
@@ -294,6 +301,7 @@ impl From<Event> for Special {
             p: event.p,
             y: Vector(event.y),
             exponent: event.exponent.map(|s| (s.re, s.im)),
+            settled: event.settled,
             before: event.before,
         }
     }

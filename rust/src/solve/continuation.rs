@@ -287,8 +287,8 @@ mod tests {
                     if ends.0 * ends.1 < 0.0 {
                         let segment = branch.segment().unwrap();
                         let (work, cancel) = (&mut branch.work, Cancel::default());
-                        let fold = segment.zero(&mut circle, work, &cancel, ends, |_, p, _| Ok(p.p_slope()));
-                        folds.push(fold.unwrap().unwrap());
+                        let fold = segment.zero(&mut circle, work, &cancel, ends, |_, p, _| Ok((p.p_slope(), ())));
+                        folds.push(fold.unwrap().unwrap().0);
                     }
                 }
                 assert_eq!(folds.len(), 2, "{predictor:?} {corrector:?}");

@@ -1,4 +1,5 @@
 //! Solvers for R(y, p) = 0 that know nothing of mechanics.
+pub mod bracket;
 pub mod continuation;
 pub mod corrector;
 pub mod differences;

@@ -1,4 +1,5 @@
 //! Points between two neighbours of a branch: where a function along the branch vanishes, or where it jumps.
+use super::bracket::Bracket;
 use super::corrector::{Corrector, Options, Point, Target, Workspace, correct, scaled};
 use super::{Curve, Linearisation};
 use crate::error::Result;
@@ -16,6 +17,9 @@ pub struct Segment {
     ends: (Point, Point),
     options: Options,
 }
+
+/// Trials after which a bracket is taken as it is.
+const MOST_TRIALS: usize = 60;
 
 /// A place on the segment: distance, value of the function, scaled unknowns.
 type Place = (f64, f64, Vec<f64>);
@@ -86,50 +90,40 @@ impl Segment {
         Ok(self.between(curve, work, &[fraction], &low, &high)?.map(|(_, point)| point))
     }
 
-    /// Zero of `f`, whose values at the ends have opposite signs, or where it jumps through zero; None where it was not closed in; `f` also sees the linearisation at the trial.
-    pub fn zero<C: Curve>(
+    /// Zero of the first value of `f`, which has opposite signs at the ends, or where it jumps through zero, and the second value there;
+    /// None where it was not closed in. `f` also sees the linearisation at the trial.
+    pub fn zero<C: Curve, T>(
         &self,
         curve: &mut C,
         work: &mut Workspace,
         cancel: &Cancel,
         ends: (f64, f64),
-        mut f: impl FnMut(&mut C, &Point, &Linearisation) -> Result<f64>,
-    ) -> Result<Option<Point>> {
-        let mut low = (0.0, ends.0, self.centre.clone());
-        let mut high = (self.length, ends.1, self.far.clone());
-        let mut best = None;
-        // Illinois: an end that stays has its value halved, so that the other one moves too
-        let mut weights = (1.0, 1.0);
-        for _ in 0..60 {
+        mut f: impl FnMut(&mut C, &Point, &Linearisation) -> Result<(f64, T)>,
+    ) -> Result<Option<(Point, T)>> {
+        let mut bracket = Bracket::new((0.0, ends.0, self.centre.clone()), (self.length, ends.1, self.far.clone()));
+        let apart = 0.5 * BRACKET * self.length();
+        let mut best: Option<(f64, Point, T)> = None;
+        for _ in 0..MOST_TRIALS {
             cancel.check()?;
-            let (fa, fb) = (low.1 * weights.0, high.1 * weights.1);
-            let mut s = low.0 + (high.0 - low.0) * fa / (fa - fb);
-            if !(s > low.0.min(high.0) && s < low.0.max(high.0)) {
-                s = 0.5 * (low.0 + high.0);
-            }
-            let fraction = (s - low.0) / (high.0 - low.0);
-            let Some((s, point)) = self.between(curve, work, &[fraction, 0.5, 0.37, 0.71], &low, &high)? else {
+            let s = bracket.next(apart);
+            let [one, other] = bracket.ends();
+            let fraction = (s - one.0) / (other.0 - one.0);
+            let Some((s, point)) = self.between(curve, work, &[fraction, 0.5, 0.37, 0.71], one, other)? else {
                 return Ok(None);
             };
-            let value = f(curve, &point, &work.out)?;
+            let (value, there) = f(curve, &point, &work.out)?;
             if !value.is_finite() {
                 return Ok(None);
             }
-            let x = scaled(&point.z, &self.scale);
-            best = Some(point);
-            if (value < 0.0) == (low.1 < 0.0) {
-                low = (s, value, x);
-                weights = (1.0, weights.1 * 0.5);
-            } else {
-                high = (s, value, x);
-                weights = (weights.0 * 0.5, 1.0);
+            bracket.add((s, value, scaled(&point.z, &self.scale)));
+            if best.as_ref().is_none_or(|(least, ..)| value.abs() <= *least) {
+                best = Some((value.abs(), point, there));
             }
-            let narrow = (high.0 - low.0).abs() <= BRACKET * self.length.abs();
-            if narrow || value.abs() <= BRACKET * ends.0.abs().max(ends.1.abs()) {
+            if bracket.width() <= 2.0 * apart || value.abs() <= BRACKET * ends.0.abs().max(ends.1.abs()) {
                 break;
             }
         }
-        Ok(best)
+        Ok(best.map(|(_, point, there)| (point, there)))
     }
 
     /// Where `like_first` turns false: for properties that jump, such as the sign of a determinant.

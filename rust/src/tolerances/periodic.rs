@@ -151,3 +151,22 @@ pub const AGREEMENT: f64 = 1e-7;
 /// Too large: fast decays are averaged; too small: they are rounding.
 /// Pinned by `multipliers_that_rounding_hides_follow_from_the_trace`.
 pub const VISIBLE: f64 = 1e-11;
+
+/// How many times the estimated change of an exponent by the error of the motion counts before the exponent is believed without
+/// more harmonics: the estimate sees the next harmonics only, and that of the change is of first order. Free of units. Too large:
+/// points are solved for with more harmonics in vain; too small: a sign that the truncation decides is told.
+/// Used by tests/truth/test_truncated_stability.py.
+pub const TURNING: f64 = 4.0;
+
+/// How many times what the last doubling of the harmonics changed the next ones may change. Free of units. Too large: stability that
+/// is known is called unresolved; too small: the truncation decides, where it does not fall at once: durations of contacts.
+/// Used by tests/truth/test_truncated_stability.py.
+pub const DECIDED: f64 = 2.0;
+
+/// Even harmonics below this part of the error of a motion of odd ones are rounding. Free of units. Too large: motions without
+/// symmetry are refined as if they had it; too small: symmetric ones cost four to eight times as much. Not scanned.
+pub const SYMMETRIC: f64 = 1e-6;
+
+/// Unknowns up to which a motion is solved for with more harmonics. A count. Larger: a point takes minutes; smaller: more is
+/// unresolved. Not scanned.
+pub const MOST_REFINED: usize = 4000;
