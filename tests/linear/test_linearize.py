@@ -247,12 +247,26 @@ def test_a_lever_of_some_hundred_last_digits_is_one():
 
 
 @pytest.mark.exact
-def test_a_spring_that_is_stretched_by_more_than_rounding_is_out_of_balance():
-    """By 1e-13 of its length: nothing else acts, and the model is not where its spring lets it rest."""
+def test_what_two_springs_across_leave_of_each_other_is_kept():
+    """k_xy of one less 1e-13, on coordinates of stiffness six: a few hundred times the rounding of the sum."""
+    m = mb.Model("across")
+    b = m.body("b", mass=1.0, inertia=(1, 1, 1), at=(0, 0, 0))
+    m.free("joint", m.ground, b, at=(0, 0, 0))
+    for name, across in (("one", 1.0), ("other", 1e-13 - 1.0)):
+        k = np.zeros((6, 6))
+        k[:2, :2] = [[3.0, across], [across, 3.0]]
+        m.bushing(name, m.ground, b, at=(0, 0, 0), k=k)
+    assert mb.linearize(m).K[0, 1] == pytest.approx(1e-13, rel=1e-2, abs=0.0)
+
+
+@pytest.mark.exact
+@pytest.mark.parametrize(("by", "status"), [(1e-13, "off-equilibrium"), (2e-15, "converged")])
+def test_a_spring_that_is_stretched_by_more_than_rounding_is_out_of_balance(by, status):
+    """By 1e-13 of its length: nothing else acts, and the model is not where its spring lets it rest. Ten last digits are rounding."""
     m = mb.Model("stretched")
-    b = m.body("b", mass=1.0, inertia=(1, 1, 1), at=(1 + 1e-13, 0, 0))
+    b = m.body("b", mass=1.0, inertia=(1, 1, 1), at=(1 + by, 0, 0))
     m.prismatic("rail", m.ground, b, at=(1, 0, 0), axis="x")
-    m.spring_damper("s", m.ground, b, at=((0, 0, 0), (1 + 1e-13, 0, 0)), k=3.0, length=1.0)
+    m.spring_damper("s", m.ground, b, at=((0, 0, 0), (1 + by, 0, 0)), k=3.0, length=1.0)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", mb.MbrsWarning)
-        assert mb.linearize(m).status == "off-equilibrium"
+        assert mb.linearize(m).status == status
