@@ -33,7 +33,7 @@ def pendulums(wrong):
 
 
 @pytest.mark.parametrize("units", UNITS)
-@pytest.mark.parametrize("wrong", [2e-10, 1e-7])
+@pytest.mark.parametrize("wrong", [2e-10, 2e-8])
 def test_velocities_that_contradict_joints_are_told(units, wrong):
     m = in_units(*units).apply(descriptions.Description.of(pendulums(wrong))).model()
     with warnings.catch_warnings(record=True) as seen:

@@ -129,11 +129,13 @@ pub mod equilibrium {
     pub const BALANCED: f64 = 1e-14;
     /// See `BALANCED`. Pinned by `test_a_rod_drawn_level_falls_and_hangs`, from above. Not seen from below: a step more is made.
     pub const NEARLY_BALANCED: f64 = 1e-11;
-    /// See `BALANCED`; also the shortest step of a descent, where larger gives narrow valleys up.
+    /// See `BALANCED`; also the shortest step of a descent, where larger gives narrow valleys up. Not seen: one last step leaves the
+    /// square, and equilibria of tests are found either way.
     pub const SMALL_STEP: f64 = 1e-9;
 
     /// Newton's step, in characteristic lengths or radians, from which on a slow search may descend in energy instead. Larger: loads
-    /// without a potential and energies of rounding are descended in. Smaller: Newton's method goes to and fro.
+    /// without a potential and energies of rounding are descended in. Smaller: Newton's method goes to and fro. Not seen: equilibria of
+    /// tests are found either way.
     pub const CLOSE: f64 = 1e-3;
 }
 
@@ -170,7 +172,8 @@ pub mod linearisation {
 
     /// Displacements below this, in characteristic lengths or radians, do not count as strains where forces are called small. Larger: weak
     /// forces of soft springs are small. Smaller: rounding of places is a force. Pinned by
-    /// `test_a_spring_that_is_stretched_by_more_than_rounding_is_out_of_balance`.
+    /// `test_a_spring_that_is_stretched_by_more_than_rounding_is_out_of_balance`, from above. Not seen from below: springs stretched by
+    /// 1e-14 of their length and less are in balance either way.
     pub const UNRESOLVED: f64 = 1e-8;
 }
 

@@ -16,8 +16,8 @@ pub const FELT: f64 = 1e-6;
 pub const LANE_PRODUCT: f64 = 2.0;
 
 /// Half-bandwidth times coordinates, 400 bytes each, up to which a band is factorised at eight frequencies at once. A count. Larger: memory
-/// of hundreds of megabytes. Smaller: long chains are factorised frequency by frequency. Only speed and memory depend on it.
-/// Pinned by `narrow_bands_are_condensed_in_lanes`.
+/// of hundreds of megabytes. Smaller: long chains are factorised frequency by frequency. Only speed and memory depend on it. Pinned by
+/// `narrow_bands_are_condensed_in_lanes`, from above. Not seen from below: only speed depends on it.
 pub const MOST_LANES: f64 = 2e5;
 
 /// Correction of an entry by a residual, relative to its natural size, after which the next correction, about its square, would not count.
