@@ -119,3 +119,13 @@ def test_a_door_far_from_the_origin_is_no_doubtful_one(distance):
     for i in range(2):
         m.revolute(f"hinge{i}", m.ground, door, at=at + i * axis, axis=axis)
     assert mb.System(m).dof == 1 and not mb.System(m).doubts
+
+
+@pytest.mark.filterwarnings("ignore::mbrs.errors.MbrsWarning")
+def test_a_door_far_from_the_origin_is_locked_by_hinges_that_are_off():
+    """By a few tolerances, where rounding of places is far less."""
+    m, axis, at = mb.Model("door"), np.array([0.36, 0.48, 0.8]), 1e6 * np.array([1.0, 0.3, -0.7])
+    door = m.body("door", mass=1.0, inertia=(1, 1, 1), at=at + [0.5, 0, 0])
+    for i in range(2):
+        m.revolute(f"hinge{i}", m.ground, door, at=at + i * axis, axis=axis + 3e-7 * i * np.array([0.0, 0.8, -0.48]))
+    assert mb.System(m).dof == 0 and mb.System(m).doubts

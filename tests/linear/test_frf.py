@@ -436,3 +436,18 @@ def test_large_sparse_systems_stay_sparse(damped):
         np.testing.assert_allclose(np.sort(inside), expected, rtol=1e-8)
         with pytest.warns(MbrsWarning, match="miss"):
             frf(s, 0, 0, omega=np.linspace(1e-3, 5e-3, 4))
+
+
+@pytest.mark.parametrize(("short", "is_summed"), [(1e-11, True), (1e-14, False)])
+def test_modes_that_nearly_meet_are_no_longer_summed_up(short, is_summed):
+    """Two roots at -1, but for the root of what the damping is short of; sums over them lose as many digits as their vectors are alike."""
+    s, omega = (
+        MechanicalSystem(np.eye(2), np.diag([3.0 - short, 1.0]), [[3.0, -1.0], [-1.0, 1.0]]),
+        np.linspace(0.1, 3.0, 20),
+    )
+    if not is_summed:
+        with pytest.raises(ModelError, match="no well-conditioned modes"):
+            frf(s, 0, 0, omega=omega, modes=2)
+        return
+    found = frf(s, 0, 0, omega=omega, modes=2).value[0, 0]
+    np.testing.assert_allclose(found, [exact(s, np.eye(2)[:, :1], np.eye(2)[:1], w)[0] for w in omega], rtol=1e-9)

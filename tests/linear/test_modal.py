@@ -445,3 +445,11 @@ def test_roots_a_million_times_slower_than_others_come_from_the_reversed_problem
     K[0, 1] = K[1, 0] = 0.1 * slow**2
     counts = work([[0.1 * slow, 0.0, 0.0], [0.0, 0.1, 0.05], [0.0, 0.05, 0.3]], K)
     assert counts["general eigensolutions"] == problems
+
+
+@pytest.mark.parametrize(("coupling", "kind"), [(1e-14, "divergence"), (5e-16, "rigid")])
+def test_a_weak_coupling_of_what_nothing_holds_lets_it_diverge(coupling, kind):
+    """K = [[1, c], [c, 0]] is indefinite: s^2 = c^2, unless c is a last digit of the one."""
+    found = modes(MechanicalSystem(np.eye(2), None, [[1.0, coupling], [coupling, 0.0]]))
+    assert list(found.kind) == [kind, "vibration"]
+    assert found.eigenvalue[0] == pytest.approx(coupling if kind == "divergence" else 0.0, rel=1e-3, abs=0.0)

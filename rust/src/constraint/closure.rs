@@ -26,7 +26,7 @@ use crate::multibody::placement::{Placement, State, advance, coordinates_of_pose
 use crate::multibody::topology::{Node, Purpose};
 use crate::run::Counts;
 use crate::spatial::{Pose, V3, rotation_of_quaternion};
-use crate::tolerances::constraints::{CLOSED, CLOSED_ROUNDING, DOUBTFUL, FELT};
+use crate::tolerances::constraints::{CLOSED_ENOUGH, CLOSED_ROUNDING, DOUBTFUL, FELT};
 
 const MAX_ITERATIONS: usize = 60;
 /// Blocks of more rows and columns are closed by sparse factors.
@@ -109,7 +109,7 @@ pub fn close(system: &System, state: &mut State, effects: Effects, counts: &mut 
 /// What rounding leaves of each row, free of units.
 fn rounding(system: &System, q: &[f64], effects: Effects, rows: &RowBlocks) -> Vec<f64> {
     let bounds = crate::constraint::loop_lengths::bounds(system, q, effects, rows);
-    bounds.into_iter().map(|b| CLOSED.max(CLOSED_ROUNDING * b)).collect()
+    bounds.into_iter().map(|b| CLOSED_ROUNDING * b).collect()
 }
 
 /// The largest of some rows, free of units, and whether all are rounding.
@@ -136,7 +136,7 @@ pub(crate) fn close_with(system: &System, q: &mut [f64], effects: Effects, rows:
         let kept = rows.select(&jacobian, Asked::Position);
         let (size, worst, closed) = largest(&phi, &kept, rows, &rounding);
         let stalled = iteration > 3 && size >= best;
-        if closed || stalled && best < CLOSED_ROUNDING * CLOSED {
+        if closed || stalled && best < CLOSED_ENOUGH {
             check_orientation(system, q)?;
             return Ok(iteration);
         }
@@ -223,7 +223,7 @@ pub(crate) fn close_drawn(system: &System, q: &mut [f64], effects: Effects, rows
         let open: Vec<&Block> = rows.blocks.iter().filter(|b| !of(b).2).collect();
         let (size, worst) = open.iter().map(|b| of(b)).fold((0.0, None), |a, b| if b.0 > a.0 { (b.0, b.1) } else { a });
         let stalled = iteration > 3 && size >= best;
-        if open.is_empty() || stalled && best < CLOSED_ROUNDING * CLOSED {
+        if open.is_empty() || stalled && best < CLOSED_ENOUGH {
             return Ok(iteration);
         }
         if iteration == MAX_ITERATIONS || iteration > 12 && size > 0.9 * best {

@@ -19,7 +19,7 @@ use crate::run::Counts;
 use crate::spatial::{Pose, Six, V3, log_so3};
 
 use crate::equilibrium::local::{LONGEST_STEP, Local, Spectrum, moved};
-use crate::tolerances::equilibrium::{ENERGY_ROUNDING, SMALL_STEP};
+use crate::tolerances::equilibrium::SMALL_STEP;
 
 /// Least part of the promised fall of the energy.
 const TAKEN: f64 = 0.05;
@@ -29,7 +29,8 @@ const LONGEST_TRAVEL: f64 = 1e3;
 /// Energies of springs and gravity in one state, and the loads there.
 struct Level {
     stored: f64,
-    size: f64,
+    /// what rounding leaves of it
+    rounding: f64,
     loads: Vec<(Pose<f64>, V3<f64>, Six<f64>)>,
 }
 
@@ -69,6 +70,7 @@ impl<'s> Descent<'s> {
         let placement = self.eq.place(&motion);
         let energies = self.eq.energies(&motion);
         let stored = energies.elements.iter().map(|e| e.merit);
+        let size = stored.clone().map(f64::abs).sum::<f64>() + energies.gravity.abs();
         let load = |i: usize| {
             let geometry = &self.eq.geometry;
             let acting = load_interaction(topology, geometry, &placement, i, 0.0, Wanted::FORCES);
@@ -76,8 +78,8 @@ impl<'s> Descent<'s> {
             (pose, acting.point, acting.wrench)
         };
         Level {
-            stored: stored.clone().sum::<f64>() + energies.gravity,
-            size: stored.map(f64::abs).sum::<f64>() + energies.gravity.abs(),
+            stored: stored.sum::<f64>() + energies.gravity,
+            rounding: f64::EPSILON * (energies.elements.len() + self.system.n_bodies()) as f64 * size,
             loads: (0..topology.tables.loads.len()).map(load).collect(),
         }
     }
@@ -96,7 +98,7 @@ impl<'s> Descent<'s> {
             let limits = self.limits(local);
             let (sigma, p) = shortened(spectrum, &local.r, &limits);
             let promised = local.r.dot(&p) + 0.5 * p.dot(&(&local.k * &p));
-            let noise = ENERGY_ROUNDING * start.size;
+            let noise = start.rounding;
             let good = |rise: f64| rise <= TAKEN * promised + noise;
             let found = self.tried(state, local, &p, &start, counts)?;
             let found = match found {

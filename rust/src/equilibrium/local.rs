@@ -11,7 +11,13 @@ use crate::multibody::System;
 use crate::multibody::assemble::Effects;
 use crate::multibody::placement::{State, advance, place};
 use crate::run::Counts;
-use crate::tolerances::equilibrium::{ENTRY_ROUNDING, FALLS, GRADED, NO_POTENTIAL, NO_STIFFNESS, PUSHED, UNLOADED};
+use crate::tolerances::equilibrium::{ENTRY_ROUNDING, FALLS, NO_POTENTIAL, NO_STIFFNESS, PUSHED};
+
+/// Diagonal entries of the stiffness below this part of the largest of their island are made as large by stretching their coordinates: far
+/// from what counts as no stiffness and from one.
+fn graded() -> f64 {
+    NO_STIFFNESS.sqrt()
+}
 
 /// Longest step, radians or characteristic lengths.
 pub(crate) const LONGEST_STEP: f64 = 0.4;
@@ -67,7 +73,7 @@ impl Local {
     }
 
     pub(crate) fn is_graded(&self) -> bool {
-        (0..self.r.len()).any(|i| self.k[(i, i)].abs() < GRADED * self.stiffest(i))
+        (0..self.r.len()).any(|i| self.k[(i, i)].abs() < graded() * self.stiffest(i))
     }
 
     /// Coordinates that are held softly beside stiff ones are stretched, those that are not held at all are not.
@@ -75,7 +81,7 @@ impl Local {
         for i in 0..self.r.len() {
             let own = self.k[(i, i)].abs();
             let rounding = ENTRY_ROUNDING * f64::EPSILON * (1.0 + self.far) * terms[(i, i)];
-            let least = GRADED * self.stiffest(i);
+            let least = graded() * self.stiffest(i);
             if own > rounding && own < least {
                 self.weight[i] = (least / own).sqrt();
             }
@@ -100,12 +106,7 @@ impl Local {
 
     /// Coordinates along which more is left over than a balance may leave of the forces at work, if there are any.
     pub(crate) fn unresolved(&self) -> Option<DVector<f64>> {
-        let stiffness = |i: usize| self.k.row(i).iter().map(|k| k.abs()).sum::<f64>();
-        let natural = |i: usize| self.together(i).map(stiffness).fold(0.0, f64::max);
-        let left = DVector::from_fn(self.r.len(), |i, _| {
-            let unloaded = self.sizes[i] <= UNLOADED * natural(i) && self.is_rounding();
-            if unloaded { 0.0 } else { self.r[i] / self.sizes[i] }
-        });
+        let left = DVector::from_fn(self.r.len(), |i, _| self.r[i] / self.sizes[i]);
         let balanced = left.iter().all(|r| r.abs() <= PUSHED);
         (!balanced).then_some(left)
     }

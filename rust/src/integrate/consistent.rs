@@ -12,10 +12,10 @@ use crate::multibody::assemble::Scene;
 use crate::multibody::placement::advance;
 use crate::multibody::topology::Level;
 use crate::run::Counts;
-use crate::tolerances::constraints::REDUNDANT_OPEN;
+use crate::tolerances::constraints::{CLOSED_ENOUGH, REDUNDANT_OPEN};
 
 use super::{Equations, Instant, Motion, scaled_size};
-use crate::tolerances::steps::{CLOSED, CLOSED_ENOUGH, CLOSING_ROUNDING, STILL};
+use crate::tolerances::steps::{CLOSED, STILL};
 
 const CLOSING_STEPS: usize = 12;
 /// Part of all rates that the projection of a controlled step changes at most.
@@ -119,8 +119,8 @@ impl Equations<'_, f64> {
             let mut open = DVector::zeros(phi.len());
             kept.iter().for_each(|i| open[*i] = phi[*i]);
             let (size, worst) = self.worst_row(&open);
-            let closed = size <= CLOSED || size <= CLOSING_ROUNDING && size > 0.5 * last;
-            if closed || step == CLOSING_STEPS && size <= CLOSED_ENOUGH {
+            let done = size > 0.5 * last || step == CLOSING_STEPS;
+            if size <= CLOSED || size <= CLOSED_ENOUGH && done {
                 return self.check_redundant(&phi);
             }
             if !size.is_finite() || size > 1e3 || step == CLOSING_STEPS {

@@ -9,7 +9,7 @@ use super::watch::{Mark, Seen, Watch};
 use super::way::{Aim, Uncounted, Verdict, Way, active};
 use super::{Equations, Instant, LocalError, Motion, Scheme, Step, before_break};
 use crate::tolerances::singular_poses::{FARTHEST_CROSSING, LATER, NEAREST_CROSSING};
-use crate::tolerances::steps::{FADING, FINEST_CROSSING, FROM_REST, ON_GRID, SAME_INSTANT, SAME_LENGTH, SLOWEST};
+use crate::tolerances::steps::{FADING, FINEST_CROSSING, FROM_REST, ON_GRID, SAME_INSTANT, SAME_LENGTH};
 
 pub use super::plan::{End, Output, Plan, Progress, Run, Steps};
 
@@ -136,7 +136,7 @@ impl Driver<'_, '_, '_> {
                 .speed
                 .max(self.scaled(&way.here.motion.rate))
                 .max(self.scaled(&way.here.acceleration) * way.h.min(FROM_REST * total))
-                .max(SLOWEST / total);
+                .max(FROM_REST / total);
             let t = way.here.motion.t;
             if let Some(d) = way.detour.take_if(|d| t >= d.until) {
                 way.recent = d.before;

@@ -13,12 +13,12 @@ use nalgebra::{DMatrix, DVector};
 use crate::error::{Error, Result};
 use crate::multibody::placement::{advance, place};
 use crate::run::Counts;
-use crate::tolerances::constraints::DOUBTFUL;
+use crate::tolerances::constraints::{CLOSED_ENOUGH, DOUBTFUL};
 
 use super::explicit_pivots::{Factors, Plan};
 use super::{Equations, Motion, scaled_size};
 use crate::linalg::matrix::Matrix;
-use crate::tolerances::steps::{CLOSED, CLOSED_ENOUGH, CLOSING_ROUNDING, COARSELY_CLOSED};
+use crate::tolerances::steps::{CLOSED, COARSELY_CLOSED};
 
 /// Another choice is taken where it has a pivot that is larger by this factor.
 const WORN: f64 = 4.0;
@@ -150,7 +150,7 @@ impl Minimal {
             let size = scaled_size(&d, &scales);
             let (open, worst) = eq.worst_row(&plan.carried(&phi));
             // what rounding leaves of a row is larger by the pivot in the coordinate
-            let rounding = size <= CLOSING_ROUNDING || open <= CLOSED;
+            let rounding = size <= CLOSED_ENOUGH || open <= CLOSED;
             let lost = left == 0 || size > last && !rounding;
             if !size.is_finite() || size > 1.0 || lost {
                 return Err(eq.open(worst, open));

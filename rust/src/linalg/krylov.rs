@@ -10,7 +10,7 @@ use faer::{Accum, Conj, Mat, MatMut, MatRef, Par, Side, c64};
 use crate::error::{Error, Result};
 use crate::linalg::field::Field;
 use crate::run::{Cancel, Counts};
-use crate::tolerances::sparse_modes::{CONVERGED, DEPENDENT, DEPENDENT_RANDOM, SAME_MODULUS};
+use crate::tolerances::sparse_modes::{CONVERGED, VANISHED};
 
 const PROBE_BLOCKS: usize = 6;
 
@@ -190,7 +190,7 @@ impl<'a, T: Field> Space<'a, T> {
                 r[(l, c)] = inside[(l, 0)];
             }
             let norm = self.norm(column)?;
-            if norm > DEPENDENT * before[c] {
+            if norm > VANISHED * before[c] {
                 r[(c, c)] = T::real(norm);
                 self.divide(column, norm);
             } else {
@@ -207,7 +207,7 @@ impl<'a, T: Field> Space<'a, T> {
         let before = self.norm(column)?;
         self.project_out(column, 0)?;
         let norm = self.norm(column)?;
-        if norm > DEPENDENT_RANDOM * before {
+        if norm > VANISHED * before {
             self.divide(column, norm);
         } else {
             self.v.as_mut().col_mut(column).fill(T::real(0.0));
@@ -279,15 +279,10 @@ impl<'a, T: Field> Space<'a, T> {
             (value, Mat::from_fn(p, p, |i, j| u[(i, j)] / norms[j]))
         };
         let mut order: Vec<usize> = (0..p).collect();
-        // equal moduli: the pair stays together, the root in the upper half plane first
+        // of a pair, whose moduli are equal to the last bit, the one in the upper half plane first
         order.sort_by(|a, b| {
             let (x, y) = (value[*a], value[*b]);
-            let (m, n) = (x.norm(), y.norm());
-            if (m - n).abs() <= SAME_MODULUS * m.max(n) {
-                x.re.total_cmp(&y.re).then(y.im.total_cmp(&x.im))
-            } else {
-                n.total_cmp(&m)
-            }
+            y.norm().total_cmp(&x.norm()).then(x.re.total_cmp(&y.re)).then(y.im.total_cmp(&x.im))
         });
         let residual = |k: usize| {
             let mut sum = 0.0;

@@ -509,4 +509,19 @@ mod tests {
         assert_eq!(negative_eigenvalues(&tridiagonal(n, 2.0 - 1.0)), None);
         assert!(Factor::cholesky(&tridiagonal(n, 1.0), 1e-12).unwrap().is_none());
     }
+
+    /// Pairs of rows with a small pivot each, whose eigenvalues are about 1 and -1: elimination without exchange loses the digits by which
+    /// it is small.
+    #[test]
+    fn inertia_is_told_where_small_pivots_leave_eleven_digits() {
+        let n = 20;
+        let count = |pivot: f64| {
+            let pair = |i: usize| {
+                let d = pivot * (1.0 + 0.37 * i as f64);
+                [(2 * i, 2 * i, d), (2 * i + 1, 2 * i, 1.0), (2 * i, 2 * i + 1, 1.0), (2 * i + 1, 2 * i + 1, d)]
+            };
+            negative_eigenvalues(&Csc::from_entries(2 * n, 2 * n, (0..n).flat_map(pair).collect()))
+        };
+        assert_eq!([1e-5, 1e-7].map(count), [Some(n), None]);
+    }
 }

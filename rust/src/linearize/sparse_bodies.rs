@@ -19,7 +19,7 @@ use crate::second_order::modal::{Kind, Modal, modes as dense_modes};
 use crate::second_order::sparse_general::{self, GeneralModes, Problem};
 use crate::second_order::sparse_modal::lowest;
 use crate::second_order::sparse_pencil::{Mixed, Pencil, ShiftInvert};
-use crate::tolerances::sparse_modes::{GROWS, INSIDE, RESOLVED, SAME_ROOT};
+use crate::tolerances::sparse_modes::{INSIDE, RESOLVED, SAME_ROOT};
 
 /// Rounds of widening, and the estimated error of an eigenvalue at which they stop.
 const ROUNDS: usize = 6;
@@ -187,7 +187,7 @@ fn as_modal(found: &GeneralModes) -> Modal {
     let n = found.s.len();
     let kind = |k: usize| {
         let s = found.s[k];
-        let grows = s.re > GROWS.max(found.error[k]) * s.norm();
+        let grows = s.re > found.error[k] * s.norm();
         match s.im != 0.0 {
             true if grows => Kind::Flutter,
             true => Kind::Vibration,

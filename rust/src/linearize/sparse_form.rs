@@ -32,7 +32,7 @@ use crate::multibody::topology::{Purpose, Topology};
 use crate::multibody::tree_joint::TreeJoint;
 use crate::run::Counts;
 use crate::spatial::{Six, V3};
-use crate::tolerances::matrices::{NO_ENERGY, NO_SPRING};
+use crate::tolerances::matrices::NO_ENERGY;
 
 pub type Entries = Vec<(usize, usize, f64)>;
 
@@ -384,7 +384,7 @@ impl<'a> Builder<'a> {
             .map_err(|_| Error::singular("a stiffness matrix could not be diagonalised"))?;
         let (u, w) = (eigen.U(), eigen.S().column_vector());
         let largest = (0..n).map(|p| w[p].abs()).fold(0.0, f64::max);
-        for p in (0..n).filter(|p| w[*p].abs() > NO_SPRING * largest) {
+        for p in (0..n).filter(|p| w[*p].abs() > NO_ENERGY * largest) {
             let mut sum: Spread = Vec::new();
             for (i, row) in rows.iter().enumerate() {
                 let s = u[(i, p)] * size(i);

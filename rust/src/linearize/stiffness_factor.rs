@@ -2,7 +2,7 @@
 use nalgebra::DMatrix;
 
 use crate::linearize::strain_rows::Clear;
-use crate::tolerances::modes::STRAINED;
+use crate::tolerances::modes::GRADED;
 
 /// F (rows, dof) of the strains of all that is elastic; None where an element has negative or unsymmetric stiffness.
 pub fn stiffness_factor(clear: &Clear) -> Option<DMatrix<f64>> {
@@ -22,7 +22,7 @@ pub fn is_strained(factor: &DMatrix<f64>, shape: &DMatrix<f64>, mass: &DMatrix<f
     let unit = mass.diagonal().map(|m| 1.0 / m.sqrt());
     let size = factor.abs() * unit;
     let strain = factor * shape;
-    strain.column_iter().any(|e| e.iter().zip(size.iter()).any(|(e, s)| e.abs() > STRAINED * s))
+    strain.column_iter().any(|e| e.iter().zip(size.iter()).any(|(e, s)| e.abs() > GRADED * s))
 }
 
 /// R with k = R^T R, rows of sqrt(k) where the stiffness is diagonal; None where it is not semidefinite.

@@ -10,7 +10,8 @@ use crate::multibody::placement::{Placement, place};
 use crate::multibody::topology::Owner;
 use crate::multibody::wanted::Wanted;
 use crate::spatial::{Six, V3};
-use crate::tolerances::linearisation::{LOOP_ROUNDING, POSE_ROUNDING};
+use crate::tolerances::constraints::CLOSED_ENOUGH;
+use crate::tolerances::linearisation::POSE_ROUNDING;
 
 /// One elastic element: its bodies (None: ground), its point in the world, the gradients of its strains by the relative twist there, and
 /// its stiffness over them, the slopes of its laws included.
@@ -106,11 +107,12 @@ pub fn clear_strains(setting: &Setting<'_>, made: &Linearization, columns: &[usi
     let elements = elements(system, &placement, setting.effects);
     let motions = Motions { twist: &made.body_map, position: origins(system, &placement) };
     let elastic = strain_rows(&motions, &elements, columns);
-    let rounding = if made.lam.is_empty() { POSE_ROUNDING + system.n_bodies() as f64 } else { LOOP_ROUNDING };
+    let of_poses = (POSE_ROUNDING + system.n_bodies() as f64) * f64::EPSILON;
+    let rounding = if made.lam.is_empty() { of_poses } else { CLOSED_ENOUGH };
     let count = elastic.rows.nrows();
     let n_modal: usize = topology.tables.flexible.iter().map(|f| f.m).sum();
     let mut rows = elastic.rows.resize_vertically(count + n_modal, 0.0);
-    let mut dropped = (elastic.sizes * (rounding * f64::EPSILON)).resize_vertically(count + n_modal, 0.0);
+    let mut dropped = (elastic.sizes * rounding).resize_vertically(count + n_modal, 0.0);
     for (w, bound) in rows.iter_mut().zip(dropped.iter_mut()) {
         *(if w.abs() <= *bound { w } else { bound }) = 0.0;
     }

@@ -283,6 +283,18 @@ mod tests {
         assert_eq!(MotionLaw::Polynomial(linear).at(2.0)[0].re, 5.0);
     }
 
+    /// Five knots that bend little before one that bends by one: a long step there would pass it.
+    #[test]
+    fn a_spline_wakes_behind_a_stretch_that_bends_by_less_than_a_thousandth() {
+        let at: Vec<f64> = (0..6).map(f64::from).collect();
+        let wakes = |little: f64| {
+            let curvature = vec![little, -little, little, -little, little, 1.0];
+            MotionLaw::Table { t: at.clone(), v: vec![0.0; 6], curvature }.wakes()
+        };
+        assert_eq!(wakes(1e-4), [4.0, 5.0]);
+        assert!(wakes(1e-2).is_empty());
+    }
+
     /// A function that evaluates the law it belongs to must not wait for itself; each time is computed once.
     #[test]
     fn a_function_may_use_its_own_law_and_is_called_once_a_time() {

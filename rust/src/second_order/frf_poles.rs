@@ -6,7 +6,7 @@ use crate::linalg::dense::symmetrised;
 use crate::linalg::eigen;
 use crate::run::Counts;
 use crate::tolerances::frequency_response::NARROW_ROOTS;
-use crate::tolerances::modes::{COMMUTING, FAR_FROM_RIGID};
+use crate::tolerances::modes::{CLEARLY_REGULAR, COMMUTING};
 
 /// All poles, from the natural frequencies without damping on; None where modes are known as fast or have to be asked: where damping couples
 /// none of them, where something may be rigid, where a root is real.
@@ -23,7 +23,7 @@ pub fn poles(system: &LinearSystem, counts: &mut Counts) -> Option<Vec<c64>> {
     let (k, c) = (symmetrised(form.s.clone()), form.d.as_ref()?);
     counts.add("symmetric eigenvalues", 1);
     let lambda = eigen::symmetric_values(k.as_ref()).ok()?;
-    if lambda[0] <= FAR_FROM_RIGID * lambda[n - 1] {
+    if lambda[0] <= CLEARLY_REGULAR * lambda[n - 1] {
         return None;
     }
     let decay = 0.5 * (0..n).map(|i| c[(i, i)]).sum::<f64>() / n as f64;

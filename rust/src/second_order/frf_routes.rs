@@ -6,7 +6,7 @@ use super::frf_banded::Banded;
 use super::ports::Ports;
 use crate::linalg::hessenberg::Hessenberg;
 use crate::linalg::quadratic::Quadratic;
-use crate::tolerances::frequency_response::{BESIDE, ZERO_POLE};
+use crate::tolerances::frequency_response::BESIDE;
 
 /// One route bound to its ports; `at` gives L Z^-1 F, or None where Z is (nearly) singular.
 pub enum Evaluator<'a> {
@@ -22,7 +22,6 @@ pub enum Evaluator<'a> {
         left: Mat<c64>,
         right: Mat<c64>,
         noise: f64,
-        largest: f64,
     },
     /// With direct solves where a band without pivots loses digits.
     Banded {
@@ -69,13 +68,11 @@ impl Evaluator<'_> {
                 let weighted = Mat::from_fn(left.nrows(), left.ncols(), |i, r| left[(i, r)] * receptance[r]);
                 Some(product(weighted.as_ref(), right.as_ref()))
             }
-            Evaluator::Complex { pole, left, right, noise, largest } => {
+            Evaluator::Complex { pole, left, right, noise } => {
                 let s = c64::new(0.0, w);
                 let mut factor = Vec::with_capacity(pole.len());
                 for pole in pole {
-                    // a zero root is known to the accuracy of a defective one only, so omega = 0 is judged by S itself
-                    let limit = if w == 0.0 { ZERO_POLE * largest } else { *noise };
-                    if (s - pole).norm() <= limit {
+                    if (s - pole).norm() <= *noise {
                         return None;
                     }
                     factor.push((s - pole).inv());

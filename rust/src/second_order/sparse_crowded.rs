@@ -13,7 +13,7 @@ use crate::linalg::krylov::{Options, Ritz, Space};
 use crate::linalg::sparse::Csc;
 use crate::run::{Cancel, Counts};
 use crate::tolerances::modes::PATIENCE;
-use crate::tolerances::sparse_modes::{BESIDE_CROWD, NARROW, NEARLY_ROOT, PLAUSIBLE, REAL_ROOT, SAME_DAMPED};
+use crate::tolerances::sparse_modes::{BESIDE_CROWD, NEARLY_ROOT, PLAUSIBLE, SAME_VALUE};
 
 /// Roots beyond the wanted ones, among which a gap is looked for that a circle can pass.
 const SPARE: usize = 6;
@@ -120,7 +120,7 @@ impl Search<'_> {
             start = Mat::from_fn(vectors.nrows(), order.len(), |i, j| vectors[(i, order[j])]);
             // beside the root, not on it: factors there would see nothing else
             let size = s[lowest].norm();
-            sigma = s[lowest] * (1.0 - (BESIDE_CROWD * spread / size).clamp(SAME_DAMPED, BESIDE_CROWD));
+            sigma = s[lowest] * (1.0 - (BESIDE_CROWD * spread / size).clamp(SAME_VALUE, BESIDE_CROWD));
             if off(lowest) <= NEARLY_ROOT {
                 break;
             }
@@ -145,7 +145,7 @@ impl Search<'_> {
             let before: Vec<c64> = ritz.value.iter().take(wanted).copied().collect();
             space.restart_afresh(&ritz, wanted)?;
             ritz = space.best(self.cancel)?;
-            if before.iter().zip(&ritz.value).all(|(a, b)| (a - b).norm() <= SAME_DAMPED * a.norm()) {
+            if before.iter().zip(&ritz.value).all(|(a, b)| (a - b).norm() <= SAME_VALUE * a.norm()) {
                 break;
             }
         }
@@ -196,7 +196,7 @@ impl Roots {
     fn upper(self) -> Roots {
         let mut out = Roots::default();
         for (mut s, x) in self.s.into_iter().zip(self.shape) {
-            if s.im.abs() <= REAL_ROOT * s.norm() {
+            if (s - s.conj()).norm() <= SAME_VALUE * s.norm() {
                 s.im = 0.0;
             }
             if s.im >= 0.0 {
@@ -209,7 +209,7 @@ impl Roots {
 
     fn merge(&mut self, other: Roots) {
         for (s, x) in other.s.into_iter().zip(other.shape) {
-            if self.s.iter().all(|k| (k - s).norm() > SAME_DAMPED * s.norm()) {
+            if self.s.iter().all(|k| (k - s).norm() > SAME_VALUE * s.norm()) {
                 self.s.push(s);
                 self.shape.push(x);
             }
@@ -224,6 +224,32 @@ impl Roots {
         let (gap, radius) = behind
             .map(|k| (size(k) - size(k - 1), 0.5 * (size(k) + size(k - 1))))
             .max_by(|a, b| a.0.total_cmp(&b.0))?;
-        (gap > NARROW * radius).then_some(radius)
+        (gap > SAME_VALUE * radius).then_some(radius)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn roots(s: &[c64]) -> Roots {
+        Roots { s: s.to_vec(), shape: vec![Vec::new(); s.len()] }
+    }
+
+    #[test]
+    fn roots_that_differ_by_more_than_a_hundred_millionth_are_told_apart() {
+        let count = |apart: f64| {
+            let mut known = roots(&[c64::new(-0.1, 1.0)]);
+            known.merge(roots(&[c64::new(-0.1, 1.0 + apart)]));
+            (known.s.len(), known.circle(1).is_some())
+        };
+        assert_eq!([1e-9, 1e-7].map(count), [(1, false), (2, true)]);
+    }
+
+    #[test]
+    fn heavily_damped_roots_are_a_pair_while_their_frequency_is_no_rounding() {
+        let frequency =
+            |im: f64| roots(&[c64::new(-1.0, im), c64::new(-1.0, -im)]).upper().s.iter().map(|s| s.im).sum::<f64>();
+        assert_eq!([1e-9, 1e-7].map(frequency), [0.0, 1e-7]);
     }
 }

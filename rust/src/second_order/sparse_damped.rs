@@ -14,7 +14,7 @@ use crate::linalg::sparse::{Csc, Factor, Lu};
 use crate::run::{Cancel, Counts};
 use crate::tolerances::matrices::STIFFNESS_PIVOT;
 use crate::tolerances::modes::PATIENCE;
-use crate::tolerances::sparse_modes::{ANOTHER_RIGID, BESIDE, ENTRY_NOISE, RIGID_PAIR, SAME_DAMPED};
+use crate::tolerances::sparse_modes::{ENTRY_NOISE, INSIDE, RIGID_PAIR, SAME_VALUE};
 
 pub struct DampedModes {
     /// the roots with Im s >= 0 nearest to the shift, ascending in |s|; a rigid motion counts once, as 0, each other real root
@@ -139,7 +139,7 @@ impl Damped {
     /// The left vector of a root, by inverse iteration from the right one.
     fn left(&self, s: c64, y: MatRef<'_, c64>, counts: &mut Counts) -> Result<Mat<c64>> {
         counts.add("factorisations", 1);
-        let factors = self.polynomial.factors(s * (1.0 + BESIDE))?;
+        let factors = self.polynomial.factors(s * (1.0 + SAME_VALUE))?;
         let mut w = Mat::from_fn(y.nrows(), 1, |i, _| y[(i, 0)].conj());
         for _ in 0..3 {
             factors.solve_transposed(w.as_mut());
@@ -264,7 +264,7 @@ fn iterated(
         space.restart_afresh(&ritz, 2 * wanted)?;
         ritz = space.converge(cancel)?;
         let now = upper(&ritz, wanted);
-        let same = |(a, k): (&c64, &usize)| (a - ritz.value[*k]).norm() <= SAME_DAMPED * a.norm();
+        let same = |(a, k): (&c64, &usize)| (a - ritz.value[*k]).norm() <= SAME_VALUE * a.norm();
         if before.len() == now.len() && before.iter().zip(&now).all(same) {
             verified = "random restart";
             break;
@@ -321,7 +321,7 @@ fn merge_rigid(system: &Damped, s: Vec<c64>, shape: Mat<c64>, sigma: f64) -> (Ve
             }
             let norm = product(&x, &x).sqrt();
             // shapes of a double root are right to about the root of the precision only
-            if norm > ANOTHER_RIGID {
+            if norm > INSIDE {
                 x *= faer::Scale(1.0 / norm);
                 rigid.push(x);
             }

@@ -14,7 +14,7 @@ use crate::linalg::krylov::{Operator, Options, Ritz, Space};
 use crate::linalg::sparse::{Csc, Factor};
 use crate::run::{Cancel, Counts};
 use crate::tolerances::modes::DATA_ROUNDING;
-use crate::tolerances::sparse_modes::{FIRST_SHIFT, HELD, RIGID_PAIR, SAME_DAMPED, SAME_ROOT, SAME_VALUE, TOLD};
+use crate::tolerances::sparse_modes::{CONVERGED, FIRST_SHIFT, HELD, RIGID_PAIR, SAME_ROOT, SAME_VALUE, TOLD};
 
 /// Modes beyond the wanted ones: they are the nearest to a shift, which is not at zero. Searches with more of them, at most.
 const SPARE: usize = 2;
@@ -247,7 +247,7 @@ fn told(problem: &Problem, found: GeneralModes) -> Result<GeneralModes> {
 /// Two real roots s and -s, as forces without any of velocities make them.
 fn is_mirrored(problem: &Problem, found: &GeneralModes, k: usize) -> bool {
     let s = found.s[k];
-    problem.d.entries().all(|e| e.2 == 0.0) && (s + found.partner[k]).norm() <= SAME_DAMPED * s.norm()
+    problem.d.entries().all(|e| e.2 == 0.0) && (s + found.partner[k]).norm() <= SAME_VALUE * s.norm()
 }
 
 /// A shift, the rate of the slowest motion that it sees, and the factor: zero where P(0) is regular, else a negative one of the size of
@@ -321,7 +321,7 @@ fn roots(op: &States<'_>, wanted: usize, options: Options, counts: &mut Counts, 
         ritz = space.converge(cancel)?;
         let now = upper(&ritz, wanted);
         // moduli, since those of equal ones come in any order
-        let same = |(a, k): (&f64, &usize)| (a - ritz.value[*k].norm()).abs() <= SAME_DAMPED * a;
+        let same = |(a, k): (&f64, &usize)| (a - ritz.value[*k].norm()).abs() <= SAME_VALUE * a;
         all = before.len() == now.len() && before.iter().zip(&now).all(same);
         if all {
             break;
@@ -433,7 +433,7 @@ fn paired(problem: &Problem, full: &Mat<c64>, s: &[c64]) -> Vec<(usize, c64)> {
     let mut order: Vec<usize> = (0..s.len()).collect();
     order.sort_by(|a, b| s[*a].norm().total_cmp(&s[*b].norm()));
     // of equal moduli the one that grows first
-    for run in order.chunk_by_mut(|a, b| s[*b].norm() - s[*a].norm() <= SAME_VALUE * s[*b].norm()) {
+    for run in order.chunk_by_mut(|a, b| s[*b].norm() - s[*a].norm() <= CONVERGED * s[*b].norm()) {
         run.sort_by(|a, b| s[*b].re.total_cmp(&s[*a].re));
     }
     let product = |a: usize, b: usize| {

@@ -11,11 +11,9 @@ use crate::linalg::sparse::Csc;
 use crate::run::{Cancel, Counts};
 use crate::tolerances::modes::{BISECTIONS, DATA_ROUNDING, PATIENCE, SEMIDEFINITE};
 use crate::tolerances::sparse_modes::{
-    CONSTRAINED, COUNT_MARGIN, ELASTIC, FIRST_SHIFT, GAP, RIGID, RIGID_BY_STRAINS, SAME_VALUE, SOFT, SUM_ROUNDING,
+    COUNT_MARGIN, ELASTIC, ENTRY_NOISE, FIRST_SHIFT, GAP, RIGID, SAME_VALUE, VANISHED,
 };
 
-/// Share of eps |K|/|M| that the rounding of an assembled K moves its eigenvalues by, typical of chains (measured).
-const ENTRY_NOISE: f64 = 0.05;
 /// Largest system of which the whole operator is formed where nearly all modes are wanted.
 const LARGEST_DENSE: usize = 2000;
 
@@ -151,7 +149,7 @@ fn every(pencil: &impl Pencil, op: &ShiftInvert<'_>, wanted: usize) -> Result<(V
     order.sort_by(|a, b| eigen.S()[*b].abs().total_cmp(&eigen.S()[*a].abs()));
     let largest = order.first().map_or(0.0, |k| eigen.S()[*k].abs());
     // constraints leave exact zeros, which rounding blurs
-    order.retain(|k| eigen.S()[*k].abs() > CONSTRAINED * largest);
+    order.retain(|k| eigen.S()[*k].abs() > VANISHED * largest);
     if order.len() < wanted {
         return Err(Error::model(format!(
             "n = {wanted} modes were asked for, but the constraints leave {}",
@@ -313,12 +311,14 @@ fn finish(
     let data = if exact { 0.0 } else { ENTRY_NOISE * f64::EPSILON * pencil.scale() };
     let mut lambda = from_energy.unwrap_or_else(|| (0..wanted).map(|k| sigma + 1.0 / values[k]).collect());
     let mut error = vec![0.0; wanted];
+    // rounding of a sum of positive energies
+    let of_sum = f64::EPSILON * (n as f64).sqrt();
     let (mut rigid, mut softest) = (0, f64::INFINITY);
     for k in 0..wanted {
         let from_vector = residual[k].powi(2) * ((lambda[k] - sigma) / lambda[k]).abs();
         // below it lambda cannot be told from zero
         let floor = match exact {
-            true => 1e3 * residual[k].powi(2) * sigma.abs() + RIGID_BY_STRAINS * pencil.scale(),
+            true => 1e3 * residual[k].powi(2) * sigma.abs() + VANISHED.powi(2) * pencil.scale(),
             false => RIGID * sigma.abs() + 1e2 * data,
         };
         if sigma != 0.0 && lambda[k].abs() <= floor {
@@ -327,11 +327,11 @@ fn finish(
             rigid += 1;
             continue;
         }
-        if lambda[k] > 0.0 && lambda[k] < SOFT * sigma.abs() {
+        if lambda[k] > 0.0 && lambda[k] < ELASTIC * sigma.abs() {
             softest = softest.min(lambda[k]);
         }
         let rows = DATA_ROUNDING * 0.5 * f64::EPSILON * of_rows[k];
-        error[k] = (data + rows) / lambda[k].abs() + from_vector + SUM_ROUNDING;
+        error[k] = (data + rows) / lambda[k].abs() + from_vector + of_sum;
     }
     let mut order: Vec<usize> = (0..wanted).collect();
     order.sort_by(|a, b| lambda[*a].total_cmp(&lambda[*b]));

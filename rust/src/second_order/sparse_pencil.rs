@@ -13,7 +13,7 @@ use crate::linalg::krylov::Operator;
 use crate::linalg::sparse::{Csc, Factor, LuPlan, negative_eigenvalues};
 use crate::tolerances::matrices::{MASS_PIVOT, STIFFNESS_PIVOT};
 use crate::tolerances::modes::SEMIDEFINITE;
-use crate::tolerances::sparse_modes::ENERGY_IS_WORK;
+use crate::tolerances::sparse_modes::TOLD;
 
 /// Rows of one element, at most.
 const LARGEST_BLOCK: usize = 64;
@@ -392,7 +392,7 @@ impl Pencil for Mixed {
             let dot = |a: &Mat<f64>| (0..n).map(|i| x[(i, 0)] * a[(i, 0)]).sum::<f64>();
             let energy = self.energies(x.as_ref()).map_or(f64::NAN, |e| e[0]) * dot(&mx);
             let work = dot(&mw);
-            let regular = (energy - work).abs() <= ENERGY_IS_WORK * work.abs();
+            let regular = (energy - work).abs() <= TOLD * work.abs();
             if !regular {
                 return Ok(None);
             }

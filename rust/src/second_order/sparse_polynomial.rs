@@ -9,7 +9,7 @@ use crate::error::Result;
 use crate::linalg::field::Field;
 use crate::linalg::sparse::{Csc, Lu, LuPlan, argument_of_determinant};
 use crate::run::{Cancel, Counts};
-use crate::tolerances::sparse_modes::{COUNT_DOUBT, COUNT_PANELS, COUNT_TURN};
+use crate::tolerances::sparse_modes::{COUNT_PANELS, COUNT_TURN};
 
 pub struct Polynomial {
     /// the union of the patterns, its values do not matter
@@ -70,8 +70,9 @@ impl Polynomial {
             open.extend([(middle, to), (from, middle)]);
         }
         let found = (turned / PI).round();
-        let sure = (turned - PI * found).abs() <= COUNT_DOUBT && doubt <= COUNT_DOUBT && found >= 0.0;
-        Ok(sure.then_some(found as usize))
+        // another half turn, of the half circle, would be another count: half of what leads there is left to the estimate
+        let sure = (turned - PI * found).abs() + doubt <= 0.25 * PI;
+        Ok((sure && found >= 0.0).then_some(found as usize))
     }
 
     /// d arg f / d theta at the nodes of a panel, f = det Q over the product of the known factors.

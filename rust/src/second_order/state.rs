@@ -96,3 +96,18 @@ pub fn massless(q: &Quadratic) -> Error {
         q.m[(worst, worst)]
     ))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The rate of a load drives an output through and beside the system, of opposite size but for a part.
+    #[test]
+    fn a_feedthrough_that_cancels_but_for_rounding_is_none() {
+        let one = || Mat::from_fn(1, 1, |_, _| 1.0);
+        let state = StateSpace { a: Mat::zeros(1, 1), b: one(), c: one() };
+        let left = |part: f64| state.direct(&[1], Some(&Mat::from_fn(1, 1, |_, _| part - 1.0)))[0][0][(0, 0)];
+        assert_eq!(left(1e-11), 0.0);
+        assert!((left(1e-9) - 1e-9).abs() < 1e-15);
+    }
+}

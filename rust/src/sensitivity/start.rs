@@ -18,11 +18,10 @@ use crate::linalg::rows::Level as Asked;
 use crate::multibody::placement::{State, advance, difference, lifted_q, place};
 use crate::multibody::topology::Level;
 use crate::run::Counts;
-use crate::tolerances::constraints::REDUNDANT_OPEN;
+use crate::tolerances::constraints::{CLOSED_ENOUGH, REDUNDANT_OPEN};
 
 use super::direct::slopes::Slopes;
 use super::{Direction, Follow, Plan};
-use crate::tolerances::sensitivity::DRAWN_OPEN;
 
 /// The first instant with its derivative along one direction.
 pub struct Start {
@@ -176,7 +175,7 @@ impl<'a> Starting<'a> {
             })
             .fold(0.0, f64::max);
         // below the second bound both are rounding
-        if left > REDUNDANT_OPEN * self.eq.system.tolerance * size && left > DRAWN_OPEN {
+        if left > REDUNDANT_OPEN * self.eq.system.tolerance * size && left > CLOSED_ENOUGH {
             return Err(Error::NotDifferentiable(format!(
                 "this parameter breaks a redundant loop open: its constraints agree only at the present value (they part at the rate \
                  {left:.1e}), so the derivative does not exist; vary parameters that keep the loop closed together, or release the \
@@ -324,7 +323,7 @@ fn assembled(
         let phi = DVector::from_fn(position.len(), |i, _| phi[position[i]]);
         let size = (0..phi.len()).map(|i| (phi[i] * scale[position[i]]).abs()).fold(0.0, f64::max);
         // the remainder is closed by the last step that all starts have in common
-        if size <= DRAWN_OPEN {
+        if size <= CLOSED_ENOUGH {
             return Ok(path);
         }
         let by = closing_by(eq, weight, &all, position)?.0;

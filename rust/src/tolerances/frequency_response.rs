@@ -37,9 +37,9 @@ pub const NARROW: f64 = 1.0 / 16.0;
 /// Pinned by `bands_go_before_modes_for_several_ports`.
 pub const BAND_FIRST: f64 = 2.0;
 
-/// Condition of the vectors of complex modes from which on sums over them are not worth a check. Larger: sums that lose their digits are
-/// tried in vain. Smaller: responses and transfer functions of many ports take slower routes. Only speed depends on it, but for a sum that
-/// is asked for by `modes=`, which is refused there.
+/// Condition of the vectors of complex modes from which on sums over them are not worth a check, and a sum that is asked for by `modes=` is
+/// refused. Larger: sums that lose their digits are tried in vain, and given. Smaller: responses and transfer functions of many ports take
+/// slower routes. Pinned by `test_modes_that_nearly_meet_are_no_longer_summed_up`.
 pub const WORST_VECTORS: f64 = 1e7;
 
 /// Products of a band in the time in which all modes of a damped system are found, over the cube of the number of coordinates. Larger: very
@@ -62,10 +62,6 @@ pub const RESONANT: f64 = 1e12;
 /// Pinned by `entries_are_compared_over_their_own_size`.
 pub const BESIDE: f64 = 1e-3;
 
-/// Slowest motion at which a route is checked, over the fastest. Larger: slow motions are not checked. Smaller: rigid motions, whose
-/// roots are rounding, are.
-pub const SLOWEST_CHECK: f64 = 1e-6;
-
 /// Poles nearer to each other than this, relative, make one peak, and are kept or left out together. Larger: two peaks are told as one.
 /// Smaller: conjugates are cut apart.
 /// Pinned by `poles_make_one_peak_within_their_bound`.
@@ -75,10 +71,6 @@ pub const SAME_POLE: f64 = 1e-9;
 /// resolved curves are warned of.
 /// Pinned by `a_peak_is_told_where_it_exceeds_its_neighbours`.
 pub const SHOWS: f64 = 1.05;
-
-/// Poles below this part of the largest are at rest when omega = 0: a zero root is known to the accuracy of a defective one only,
-/// so S itself decides there. Larger: time is lost. Smaller: infinite responses at rest are large numbers.
-pub const ZERO_POLE: f64 = 1e-6;
 
 /// Size of a singular direction as an output sees it times as an input drives it, over the sizes of both, below which it is not there.
 /// Larger: weakly driven rigid motion is lost. Smaller: rounding makes responses infinite.
@@ -90,6 +82,6 @@ pub const UNSEEN: f64 = 1e-10;
 /// Pinned by `test_damping_of_a_free_motion_that_is_rounding_is_none`.
 pub const UNRESISTED: f64 = 1e-12;
 
-/// A feedthrough that is a difference of two terms is zero below this part of them. Larger: small feedthroughs are lost. Smaller:
-/// strictly proper systems have a feedthrough of rounding.
+/// A feedthrough that is a difference of two terms is zero below this part of them. Larger: small feedthroughs are lost. Smaller: strictly
+/// proper systems have a feedthrough of rounding. Pinned by `a_feedthrough_that_cancels_but_for_rounding_is_none`.
 pub const NO_FEEDTHROUGH: f64 = 1e-10;

@@ -10,8 +10,8 @@ pub const SAME_ENTRY: f64 = 1e-14;
 /// Pinned by `asymmetry_counts_from_its_bound_on`.
 pub const ASYMMETRY: f64 = 1e-10;
 
-/// The same of one spring, from which on its stiffness is not that of an energy. Larger: energy balances are off without a word. Smaller:
-/// turned matrices of a symmetric stiffness have no energy.
+/// The same of one spring, from which on its stiffness is not that of an energy; and eigenvalues of it, over the largest, of directions in
+/// which it does not act. Larger: energy balances are off without a word. Smaller: turned matrices of a symmetric stiffness have no energy.
 /// Pinned by `test_a_bushing_that_is_symmetric_to_rounding_has_an_energy`.
 pub const NO_ENERGY: f64 = 1e-12;
 
@@ -20,10 +20,6 @@ pub const NO_ENERGY: f64 = 1e-12;
 /// an answer, depends on it.
 /// Pinned by `of_equal_components_the_first_is_the_largest`.
 pub const TIE: f64 = 1e-6;
-
-/// Eigenvalues of one spring below this part of its largest are directions in which it does not act. Larger: weak directions are
-/// lost. Smaller: rounding holds what is free.
-pub const NO_SPRING: f64 = 1e-14;
 
 /// A pivot below this part of the diagonal entry from which it came is rounding, and the matrix singular. Larger: light coordinates behind
 /// heavy ones are called massless. Smaller: rounding over rounding.
@@ -39,7 +35,8 @@ pub const MASS_PIVOT: f64 = 1e-14;
 pub const STIFFNESS_PIVOT: f64 = 1e-12;
 
 /// Residual of a solution with L D L^T without pivots, over the size of its terms, from which on its inertia is not believed. Larger:
-/// counts of a wrong factor pass. Smaller: counts of crowded spectra are refused.
+/// counts of a wrong factor pass. Smaller: counts of crowded spectra are refused. Pinned by
+/// `inertia_is_told_where_small_pivots_leave_eleven_digits`.
 pub const INERTIA_RESIDUAL: f64 = 1e-11;
 
 /// Without pivots L D L^T needs a negative diagonal under constraint rows, this part of the others; refinement takes it out again. Not
@@ -56,7 +53,8 @@ pub const BACKWARD: f64 = 1e-15;
 pub const CORRECTIONS: usize = 2;
 
 /// A root moves no more when its step was below this part of its size; what is left of a single root is its square then. Larger: roots that
-/// lie on each other stop short of their digits. Smaller: rounding moves roots for ever, and the slow route answers.
+/// lie on each other stop short of their digits. Smaller: rounding moves roots for ever, and the slow route answers. Pinned by
+/// `poles_of_narrow_bands_need_no_modes`, from below. Not seen from above: of a single root the square of the last step is left.
 pub const SETTLED: f64 = 1e-12;
 
 /// Steps of each root, of which a single one takes three to ten and one that lies on another forty. Larger: time is lost where some

@@ -10,39 +10,31 @@ pub const DATA_ROUNDING: f64 = 4.0;
 /// tests/truth/test_graded_modes.py, from above. Not seen from below: only time depends on it.
 pub const SHARP: f64 = 1e-12;
 
-/// Two roots whose distance is below this share of their geometric mean are rotated together (Rayleigh-Ritz) instead of divided
-/// by their distance. Too large: a group's quotients lose accuracy. Too small: corrections of close roots blow up.
-/// Used by tests/truth/test_graded_modes.py (repeated soft modes).
-pub const CLOSE: f64 = 1e-6;
-
-/// Cosine (in the metric of M) above which two approximate shapes are the same one: a root was then found twice and another is
-/// missing, and no error estimate holds. Used by tests/truth/test_graded_modes.py.
-pub const SAME_SHAPE: f64 = 1e-3;
-
 /// Relative effect on a squared frequency up to which damping between two undamped modes is left out; it is added to the error.
 /// Too large: shapes of coupled damping are real although they are not. Too small: rounding of proportional damping sends a
 /// system to the general route. Pinned by
 /// `test_damping_between_modes_counts_by_its_square_over_their_distance`.
 pub const UNCOUPLED: f64 = 1e-13;
 
-/// Multiple of the last place of a diagonal entry (in units of the masses) up to which an entry that no semidefinite matrix can have
-/// is rounding. Too small: rigid directions get roots of rounding. Too large: weak negative coupling of unheld directions is lost.
-/// Pinned by tests/truth/test_damped_modes.py (rounding beside damping).
+/// Multiple of the last place of a diagonal entry (in units of the masses) up to which an entry that no semidefinite matrix can have is
+/// rounding. Too small: rigid directions get roots of rounding. Too large: weak negative coupling of unheld directions is lost. Pinned by
+/// tests/truth/test_damped_modes.py (rounding beside damping), from below, and
+/// `test_a_weak_coupling_of_what_nothing_holds_lets_it_diverge`.
 pub const ENTRY_ROUNDING: f64 = 4.0;
 
-/// Product of backward error and normwise condition above which a root of the general route is checked by Newton's method with
-/// residuals in twice the precision. What stays unchecked is off by about the square of this. Too small: every root costs a
-/// factorisation. Too large: small roots of graded systems are wrong unseen. Used by tests/truth/test_damped_modes.py.
+/// Product of backward error and normwise condition above which a root of the general route is checked by Newton's method with residuals in
+/// twice the precision. What stays unchecked is off by about the square of this. Too small: every root costs a factorisation. Too large:
+/// small roots of graded systems are wrong unseen. Pinned by `roots_whose_vectors_may_be_wrong_by_a_millionth_are_doubtful`.
 pub const DOUBTFUL: f64 = 1e-6;
 
-/// Share of Q''(s) times the distance to the nearest root that |psi^T Q'(s) phi| must reach for two roots alone to meet there; then
-/// a root moves like the square root of its residual. Too small: errors at defects of order three and more are too small.
-/// Used by tests/truth/test_damped_modes.py (defects of orders two to four).
+/// Share of Q''(s) times the distance to the nearest root that |psi^T Q'(s) phi| must reach for two roots alone to meet there; then a root
+/// moves like the square root of its residual. Too small: errors at defects of order three and more are too small. Pinned by
+/// `more_than_two_roots_meet_where_the_slope_is_less_than_a_tenth_of_that_of_two`.
 pub const DOUBLE_ROOT: f64 = 0.1;
 
-/// Distances, over that of the nearest root, of the roots that meet at a defect of order three and more. Too small: some of them are
-/// not counted and the error is too small by their share. Too large: roots beside the defect make the estimate larger, by their
-/// number. Pinned by tests/truth/test_damped_modes.py (defects of orders two to four).
+/// Distances, over that of the nearest root, of the roots that meet at a defect of order three and more. Too small: some of them are not
+/// counted and the error is too small by their share. Too large: roots beside the defect make the estimate larger, by their number. Pinned
+/// by `roots_within_ten_times_the_nearest_meet_with_it`.
 pub const MEETING: f64 = 10.0;
 
 /// Krylov cycles after which a zero shift is moved nearer to the lowest eigenvalues. Too small: factorisations are wasted on problems
@@ -68,13 +60,9 @@ pub const MASSLESS: f64 = 1e-12;
 /// by `test_soft_roots_of_exact_matrices_keep_their_digits`, from above. Not seen from below: only time depends on it.
 pub const CANCELLING: f64 = 1e5;
 
-/// Relative strain of a rigid mode that cannot be rounding of its shape. Too small: the factor of the stiffness is made once more than
-/// needed. Too large: a strained mode stays rigid. Used by tests/truth/test_graded_modes.py (soft modes of models).
-pub const STRAINED: f64 = 1e-9;
-
-/// Relative error of an assembled model's frequency from which on the factor of its stiffness is worth a second solution. Too small:
-/// ordinary models are solved twice. Too large: soft modes keep the rounding of stiff springs. Pinned by
-/// `test_a_model_is_solved_from_its_springs_where_the_sum_of_them_is_not_enough`.
+/// Relative error of an assembled model's frequency, and relative strain of a rigid mode, from which on the factor of its stiffness is
+/// worth a second solution. Too small: ordinary models are solved twice. Too large: soft modes keep the rounding of stiff springs. Pinned
+/// by `test_a_model_is_solved_from_its_springs_where_the_sum_of_them_is_not_enough`.
 pub const GRADED: f64 = 1e-9;
 
 /// Roots that a symmetry makes equal come out this far apart: positions and closed loops carry some rounding. Derivatives treat them as
@@ -93,8 +81,9 @@ pub const LIGHTEST: f64 = 1e-5;
 /// Pinned by `test_roots_that_nearly_meet_are_told`.
 pub const NEAR_DEFECTIVE: f64 = 1e-6;
 
-/// Roots further apart than this, over their size, are never called repeated, however badly conditioned they are. Larger: distinct roots
-/// share a shape. Smaller: the two of a defect, which part like the root of rounding, are called distinct. Pinned by
+/// Roots further apart than this, over their size, are never called repeated, however badly conditioned they are; undamped ones that are
+/// closer are rotated together instead of divided by their distance, damped ones that are closer and have one shape were found twice.
+/// Larger: distinct roots share a shape. Smaller: the two of a defect, which part like the root of rounding, are called distinct. Pinned by
 /// `test_roots_are_repeated_within_a_hundred_millionth_at_most`.
 pub const CLOSEST: f64 = 1e-8;
 
@@ -103,31 +92,15 @@ pub const CLOSEST: f64 = 1e-8;
 /// Pinned by `roots_that_are_hardly_separated_are_not_corrected`.
 pub const SEPARATED: f64 = 1e-4;
 
-/// First-order change of a root, over it, that is no correction any more. Larger: roots move by what the first order does not know.
-/// Smaller: corrections are left out that would gain digits.
-/// Pinned by `large_steps_are_no_corrections`.
+/// First-order change of a root, over it, or of orthonormal null vectors, that is no correction any more; Newton's method whose last step
+/// is larger has not converged. Larger: roots move by what the first order does not know. Smaller: corrections are left out that would gain
+/// digits. Pinned by `large_steps_are_no_corrections`.
 pub const LARGEST_CORRECTION: f64 = 1e-3;
 
-/// Last step of Newton's method, over the root, that shows convergence. Larger: roots that wander count as found. Smaller: roots at
-/// defects, where the steps do not get small, stay as inaccurate as they were.
-pub const AT_REST: f64 = 1e-3;
-
-/// Relative distance of two roots with one shape that Newton's method has led to one place. Larger: close roots are called one.
-/// Smaller: a root is told twice.
-pub const TWICE: f64 = 1e-9;
-
-/// Pivots of an equilibrated matrix above this prove full rank without an eigenproblem. Larger: time is lost. Smaller: rank is decided by
-/// pivots, which see it to within a factor of the size of the matrix.
-/// Pinned by `test_pivots_of_rounding_leave_the_rank_to_an_eigenproblem`.
+/// Pivots of an equilibrated matrix, and the smallest eigenvalue in units of the masses over the largest, above which nothing is rigid and
+/// rank needs no eigenproblem. Larger: time is lost. Smaller: rank is decided by pivots, which see it to within a factor of the size of the
+/// matrix. Pinned by `test_pivots_of_rounding_leave_the_rank_to_an_eigenproblem`.
 pub const CLEARLY_REGULAR: f64 = 1e-8;
-
-/// Smallest eigenvalue in units of the masses, over the largest, from which on nothing asks for rigid modes. The margin is wide since
-/// masses scale these eigenvalues, unlike the test of rank. Larger: time is lost. Smaller: rigid modes get roots of rounding.
-pub const FAR_FROM_RIGID: f64 = 1e-7;
-
-/// Size of a Newton step on orthonormal null vectors above which they are kept as they are. Larger: steps of a nearly singular matrix
-/// are followed. Smaller: rounding stays in null vectors whose entries differ by orders.
-pub const NULL_STEP: f64 = 1e-6;
 
 /// Roots of less modulus than this share of |A| come from the reversed problem, where they are the large ones. Larger: work is done twice.
 /// Smaller: small roots keep the rounding of the large ones. Pinned by

@@ -16,8 +16,8 @@ pub const FELT: f64 = 1e-6;
 pub const LANE_PRODUCT: f64 = 2.0;
 
 /// Half-bandwidth times coordinates, 400 bytes each, up to which a band is factorised at eight frequencies at once. A count. Larger: memory
-/// of hundreds of megabytes. Smaller: long chains are factorised frequency by frequency. Only speed and memory depend on it.
-/// Pinned by `narrow_bands_are_condensed_in_lanes`.
+/// of hundreds of megabytes. Smaller: long chains are factorised frequency by frequency. Only speed and memory depend on it. Pinned by
+/// `narrow_bands_are_condensed_in_lanes`, from above. Not seen from below: only speed depends on it.
 pub const MOST_LANES: f64 = 2e5;
 
 /// Correction of an entry by a residual, relative to its natural size, after which the next correction, about its square, would not count.
@@ -91,7 +91,8 @@ pub const ALONG_BRANCH: f64 = 1e-5;
 pub const SAME_CROSSING: f64 = 1e-6;
 
 /// Difference of |Im s| of two exponents over their sum up to which they are one pair. Free of units. Too large: a real exponent that
-/// crosses beside a pair is taken for it; too small: a pair whose frequency drifts between two points is not known again. Not scanned.
+/// crosses beside a pair is taken for it; too small: a pair whose frequency drifts between two points is not known again. Pinned by
+/// `exponents_whose_frequencies_differ_by_a_thousandth_are_one_pair`.
 pub const SAME_PAIR: f64 = 1e-3;
 
 /// How often a segment between two points of a branch is divided to exclude that an exponent crosses the axis and comes back. A
@@ -100,8 +101,8 @@ pub const SAME_PAIR: f64 = 1e-3;
 pub const HIDDEN: usize = 4;
 
 /// How many times as steep as between two points of a branch the growth of an exponent may be just beside them. Free of units. Too large:
-/// points are solved for where nothing crosses; too small: bands without stability whose flanks are steep are missed.  Pinned by
-/// `a_pair_that_comes_beyond_zero_between_two_places_is_never_excluded`.
+/// points are solved for where nothing crosses; too small: bands without stability whose flanks are steep are missed. Pinned by
+/// `growths_between_two_places_may_be_twice_as_steep_as_beside_them`.
 pub const STEEPER: f64 = 2.0;
 
 /// Distance of Im s from 0 and from half of the base frequency, over the base frequency, within which a crossing exponent is real or

@@ -43,15 +43,10 @@ pub const FIXED_WITHOUT_TANGENT: f64 = 1e-14;
 /// `test_a_stiff_governor`, from above, and `test_matrices_are_kept_and_the_explicit_method_has_none`, from below.
 pub const SHARE_OF_TOLERANCE: f64 = 0.01;
 
-/// Closing of loops within a step, over lengths of their loop or radians: closed, and the largest opening that a stalled closing may leave.
-/// Larger: energy drifts by openings. Smaller: rounding never closes, or stops the motion. Not seen: motions of loops, their energies and
-/// gradients pass either way.
+/// Closing of loops within a step, over lengths of their loop or radians, at which no further step is made; what shrinks no more ends at
+/// `constraints::CLOSED_ENOUGH`. Larger: energy drifts by openings. Smaller: rounding is corrected. Not seen: motions of loops, their
+/// energies and gradients pass either way.
 pub const CLOSED: f64 = 1e-14;
-/// See `CLOSED`. Not seen: motions of loops pass either way.
-pub const CLOSED_ENOUGH: f64 = 1e-10;
-/// Openings and corrections below this that shrink no more are rounding. Larger: closings end before they are done. Smaller: rounding is
-/// corrected until the motion stops. Not seen: motions of loops and their gradients pass either way.
-pub const CLOSING_ROUNDING: f64 = 1e-11;
 /// Loosest closing of the stages of a step far from singular poses. Larger: accelerations of stages miss the tolerance. Smaller: time is
 /// lost. Not seen: it takes tolerances above 1e-5.
 pub const COARSELY_CLOSED: f64 = 1e-7;
@@ -83,12 +78,10 @@ pub const START_SHARE: f64 = 1e-3;
 /// of "bdf-bfgs" pass either way.
 pub const SHORTEST_START: f64 = 1e-7;
 
-/// Rates count at least as if the motion took this part of the characteristic length, or a radian: what starts from rest has none. Larger:
-/// slow motions keep long steps of which they know nothing. Smaller: the first steps from rest are far too long, and made again. Not
-/// scanned.
-pub const SLOWEST: f64 = 1e-3;
-/// Part of the motion for which an acceleration counts as a rate, and at most for a step. Larger: drives that push for a moment set the
-/// scale of all the motion. Smaller: steps from rest are too long, and made again. Not scanned.
+/// What starts from rest has no rates: they count at least as if the motion took this part of the characteristic length, or a radian, and
+/// an acceleration counts as a rate for this part of the motion, at most for a step. Larger: slow motions keep long steps of which they
+/// know nothing, and drives that push for a moment set the scale of all. Smaller: the first steps from rest are far too long, and made
+/// again.
 pub const FROM_REST: f64 = 1e-3;
 /// How fast the length of past steps is forgotten, over time in such lengths. Larger: one short step makes the detour around a pose short.
 /// Smaller: a detour is as long as steps were long ago. Not scanned.
@@ -97,14 +90,9 @@ pub const FADING: f64 = 0.3;
 /// Norm of the equations of a step of bdf-bfgs over a tolerance for the motion, which about a thousand steps share. Larger: the remainder
 /// adds up to the tolerance. Smaller: evaluations for nothing. Not seen: motions of tests err by less than their tolerance either way.
 pub const SHARE_OF_MOTION: f64 = 1e-5;
-/// Limits of that norm, over the root of the number of equations: rounding of constraint rows, of increments, and the loosest. Larger:
-/// steps are not solved, and orders and lengths of steps follow what is left. Smaller: rounding is solved, or an evaluation a step more
-/// than the tolerance needs. Not seen: motions with constraints pass either way.
+/// Lower limit of that norm, over the root of the number of equations: rounding of constraint rows. Larger: steps are not solved, and
+/// orders and lengths of steps follow what is left. Smaller: rounding is solved. Not seen: motions with constraints pass either way.
 pub const ROW_ROUNDING: f64 = 1e-15;
-/// See `ROW_ROUNDING`.
-pub const INCREMENT_ROUNDING: f64 = 1e-17;
-/// See `ROW_ROUNDING`. Not seen: motions of tests ask for less.
-pub const LOOSEST: f64 = 1e-12;
 /// The norm that passes where a fresh inverse cannot better it. Larger: unsolved steps pass. Smaller: motions near to singular poses stop.
 /// Not seen: motions of tests pass either way.
 pub const FRESH_INVERSE: f64 = 1e-11;
@@ -119,7 +107,8 @@ pub const LOOSEST_TRIAL: f64 = 0.2;
 /// nothing. Pinned by `tests/motion/test_shares.py`.
 pub const LASTING: f64 = 0.5;
 /// The smallest share: where errors grow as those of a chaotic motion do, no tolerance holds them. Larger: motions that amplify errors miss
-/// the tolerance. Smaller: chaotic motions take steps for nothing. Pinned by `tests/motion/test_shares.py`, from above.
+/// the tolerance. Smaller: chaotic motions take steps for nothing. Pinned by `tests/motion/test_shares.py`, from above. Not seen from
+/// below: only work depends on it.
 pub const LEAST_SHARE: f64 = 0.04;
 
 /// Iterations of steps of "radau" that are recorded for a gradient: their lengths were chosen before, and to a looser tolerance. Larger: steps

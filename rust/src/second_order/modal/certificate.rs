@@ -13,7 +13,7 @@ use crate::linalg::double_double::{Dd, dot, matrix_times};
 use crate::linalg::eigen;
 use crate::run::Counts;
 use crate::second_order::SecondOrder;
-use crate::tolerances::modes::{CANCELLING, CLOSE, DATA_ROUNDING, ENTRY_ROUNDING, SAME_SHAPE, SHARP};
+use crate::tolerances::modes::{CANCELLING, CLOSEST, DATA_ROUNDING, ENTRY_ROUNDING, SHARP};
 
 const PASSES: usize = 4;
 /// Half the distance between 1 and the next number.
@@ -332,7 +332,7 @@ impl<'a> Approximation<'a> {
             let mut own = self.column(j);
             for i in (0..n).filter(|&i| i != j) {
                 let gap = self.lambda[j] - self.lambda[i];
-                if gap.abs() <= CLOSE * (self.lambda[i] * self.lambda[j]).abs().sqrt() {
+                if gap.abs() <= CLOSEST * (self.lambda[i] * self.lambda[j]).abs().sqrt() {
                     continue;
                 }
                 let c = products[(i, j)] / gap;
@@ -347,7 +347,7 @@ impl<'a> Approximation<'a> {
             let mut end = first + 1;
             while end < n && {
                 let (a, b) = (self.lambda[end - 1], self.lambda[end]);
-                (b - a).abs() <= CLOSE * (a * b).abs().sqrt()
+                (b - a).abs() <= CLOSEST * (a * b).abs().sqrt()
             } {
                 end += 1;
             }
@@ -356,11 +356,13 @@ impl<'a> Approximation<'a> {
         }
     }
 
-    /// Two columns that became one shape leave another root out: no bound holds then.
+    /// Two columns that became one shape leave another root out: no bound holds then. Columns are independent where the cosines
+    /// between each and all others add up to less than one (Gershgorin).
     fn check_distinct(&mut self) {
         let cosine = self.x.transpose() * &self.images.1;
         for j in self.rigid..self.lambda.len() {
-            if (0..cosine.nrows()).any(|i| i != j && exceeds(cosine[(i, j)].abs(), SAME_SHAPE)) {
+            let others: f64 = (0..cosine.nrows()).filter(|i| *i != j).map(|i| cosine[(i, j)].abs()).sum();
+            if others.is_nan() || others >= 1.0 {
                 self.bound[j] = f64::INFINITY;
             }
         }

@@ -250,6 +250,47 @@ mod tests {
         assert!(by(1e-5).is_none() && by(1e-3) == Some(s - step));
     }
 
+    /// A root one unit from zero that almost meets others.
+    fn meeting(denominator: f64) -> Quality {
+        Quality {
+            backward: 0.0,
+            condition: 0.0,
+            error: 0.0,
+            single: 1e-9,
+            curvature: 1.0,
+            normwise: 1.0,
+            defect: C::ZERO,
+            denominator: C::new(denominator, 0.0),
+            tolerance: 0.0,
+            separation: 0.0,
+        }
+    }
+
+    #[test]
+    fn roots_within_ten_times_the_nearest_meet_with_it() {
+        let mut quality = meeting(0.0);
+        quality.heed_neighbours(C::I, &[1e-3, 5e-3, 5e-2]);
+        assert_eq!(quality.error, 3.0 * quality.single);
+    }
+
+    /// Where p = (s - a)(s - b) alone, p' at a is the whole curvature times the distance; a third root makes it less.
+    #[test]
+    fn more_than_two_roots_meet_where_the_slope_is_less_than_a_tenth_of_that_of_two() {
+        let error = |part: f64| {
+            let mut quality = meeting(part * 1e-3);
+            quality.heed_neighbours(C::I, &[1e-3]);
+            quality.error
+        };
+        assert_eq!([0.3, 0.03].map(error), [0.0, 2e-9]);
+    }
+
+    /// By a vector that is wrong by a millionth a root is wrong by the square of it.
+    #[test]
+    fn roots_whose_vectors_may_be_wrong_by_a_millionth_are_doubtful() {
+        let is_doubtful = |backward: f64| Quality { backward, ..meeting(0.0) }.is_doubtful();
+        assert_eq!([1e-7, 1e-5].map(is_doubtful), [false, true]);
+    }
+
     #[test]
     fn large_steps_are_no_corrections() {
         let s = C::new(-0.1, 2.0);

@@ -9,7 +9,7 @@ use super::simultaneous::{Corrections, Projections};
 use crate::linalg::dense::{C, EPS};
 use crate::linalg::double_double::{Dd, matrix_times};
 use crate::run::Counts;
-use crate::tolerances::modes::{AT_REST, LIGHT, SAME_SHAPE, TWICE};
+use crate::tolerances::modes::{CLOSEST, LARGEST_CORRECTION, LIGHT};
 
 const STEPS: usize = 2;
 
@@ -54,8 +54,8 @@ pub fn refine(terms: &Terms, modes: &mut [RawMode], quality: &mut [Quality], cou
         }
     }
     for &j in &followed {
-        let found_twice = |k: usize| k != j && (modes[k].s - modes[j].s).norm() <= TWICE * modes[j].s.norm();
-        if (0..modes.len()).any(|k| found_twice(k) && cosine(&modes[k].x, &modes[j].x) > 1.0 - SAME_SHAPE) {
+        let found_twice = |k: usize| k != j && (modes[k].s - modes[j].s).norm() <= CLOSEST * modes[j].s.norm();
+        if (0..modes.len()).any(|k| found_twice(k) && cosine(&modes[k].x, &modes[j].x) > 1.0 - CLOSEST) {
             quality[j].error = f64::INFINITY;
         }
     }
@@ -148,7 +148,7 @@ fn follow(terms: &Terms, mode: &mut RawMode, quality: &mut Quality, counts: &mut
     }
     let is_near = (mode.s - start.0).norm() <= 0.5 * start.0.norm();
     let is_solved = quality.backward <= before.backward.max(good_enough(mode.x.len()));
-    if is_near && is_solved && last <= AT_REST {
+    if is_near && is_solved && last <= LARGEST_CORRECTION {
         quality.error = if quality.error.is_nan() { quality.error } else { quality.error.max(last) };
     } else {
         set(mode, start.0, start.1, start.2);

@@ -6,7 +6,7 @@ use crate::error::{Error, Result};
 use crate::linalg::dense::{EPS, completed, frobenius, is_finite};
 use crate::linalg::eigen;
 use crate::run::Counts;
-use crate::tolerances::modes::{CLEARLY_REGULAR, NULL_STEP};
+use crate::tolerances::modes::{CLEARLY_REGULAR, LARGEST_CORRECTION};
 
 /// Relative size below which a singular value of an equilibrated matrix counts as zero. Assembly leaves a few EPS, growing
 /// with the root of the size; a stiffness ratio of 1e12 stays above it.
@@ -73,7 +73,7 @@ pub fn polished(s: MatRef<'_, f64>, right: &Mat<f64>, left: &Mat<f64>) -> (Mat<f
         } else {
             lu.solve_in_place(w.as_mut());
         }
-        let finite = is_finite(w.as_ref()) && frobenius(w.as_ref()) < NULL_STEP;
+        let finite = is_finite(w.as_ref()) && frobenius(w.as_ref()) < LARGEST_CORRECTION;
         let better = z - &w + z * (z.transpose() * &w);
         if finite { completed(better.as_ref()).0 } else { z.clone() }
     };

@@ -11,7 +11,7 @@ use crate::linalg::dense::{C, EPS, absolute, beside, completed, exceeds, frobeni
 use crate::linalg::eigen;
 use crate::run::Counts;
 use crate::second_order::SecondOrder;
-use crate::tolerances::modes::{COMMUTING, FAR_FROM_RIGID, UNCOUPLED};
+use crate::tolerances::modes::{CLEARLY_REGULAR, COMMUTING, UNCOUPLED};
 
 /// Squared undamped frequencies and shapes with x^T M x = 1; the first `rigid` are zero.
 struct Spectrum {
@@ -73,8 +73,8 @@ fn eigenvectors(system: &SecondOrder, l: &Mat<f64>, k: &Mat<f64>, counts: &mut C
     let (lambda, mut vectors) = eigen::symmetric(k.as_ref())?;
     let largest = lambda.iter().fold(0.0f64, |m, v| m.max(v.abs()));
     let smallest = lambda.iter().fold(f64::INFINITY, |m, v| m.min(v.abs()));
-    // far from zero no rank test is needed; the margin is wide because masses, unlike the test, scale lambda
-    let free = if smallest > FAR_FROM_RIGID * largest {
+    // far from zero no rank test is needed
+    let free = if smallest > CLEARLY_REGULAR * largest {
         Mat::zeros(k.nrows(), 0)
     } else {
         symmetric_null(system.k.as_ref(), counts)?
