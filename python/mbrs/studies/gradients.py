@@ -157,7 +157,7 @@ def _paired(roots: np.ndarray, expected: np.ndarray) -> np.ndarray:
 
 
 def _usual_size(m: Any, label: str) -> float:
-    """What numbers of the unit of this one are like in the model: the characteristic length, or the median of those that are not 0."""
+    """Size of the model's numbers of the same unit: the characteristic length, or the median of those that are not 0."""
     unit = directions(m, [label]).units[0]
     if unit == "m":
         return float(compiled(m).characteristic_length)
