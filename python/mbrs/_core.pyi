@@ -19,7 +19,11 @@ def require_memory(bytes: float, what: str, remedy: str) -> None: ...
 
 __all__ = [
     "BALANCED",
+    "HIGH_LOAD",
+    "MOST_ANNULUS_STEPS",
+    "NO_FEEDTHROUGH",
     "SAME_ROOT",
+    "SMALLEST_INFLOW",
     "CoreAssemblyError",
     "CoreConvergenceError",
     "CoreError",
@@ -80,7 +84,11 @@ class CoreConvergenceError(CoreError): ...
 class CoreNotDifferentiableError(CoreError): ...
 
 BALANCED: float
+HIGH_LOAD: float
+MOST_ANNULUS_STEPS: int
+NO_FEEDTHROUGH: float
 SAME_ROOT: float
+SMALLEST_INFLOW: float
 
 # body, its point, direction, rotation?, base?
 _DesignPort = tuple[int | None, tuple[str, list[float], int], list[float], bool, bool]

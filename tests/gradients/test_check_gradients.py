@@ -82,3 +82,21 @@ def test_small_and_large_parts_are_checked_alike(size):
     derivative = np.array([mb.sensitivity(mb.modes(m), p).frequency.ravel()[0] for p in ("k", "J", "d")])
     assert np.abs(derivative / exact - 1.0).max() < 1e-9 + 1e3 * jitter.level()
     assert np.all(found.ok) and np.all(found.noise < 1e-7)
+
+
+@pytest.mark.parametrize("address", ["b.com[0]", "b.inertia[0, 1]", "s0.at_a[2]"])
+@pytest.mark.parametrize("length, mass", [(1.0, 1.0), (1e-6, 1e-12), (3e4, 7e9)])
+def test_numbers_that_are_zero_have_the_step_of_their_kind(length, mass, address):
+    """A body on springs in units of any size: derivatives along what is zero are confirmed, and wrong ones are not."""
+    rng = np.random.default_rng(5)
+    m = mb.Model("zeros", gravity=(0, 0, 0))
+    inertia = np.diag([1.0, 1.3, 1.7]) * mass * length**2
+    b = m.body("b", mass=mass, inertia=inertia, at=(0, 0, 0), com=(0.0, 0.1 * length, 0.2 * length))
+    for i in range(7):
+        foot, arm = rng.normal(size=(2, 3)) * length * [[2.0], [0.5]]
+        foot[2] *= i > 0
+        m.spring_damper(f"s{i}", m.ground, b, at=(foot, arm), k=float(mass * rng.uniform(50.0, 90.0)))
+    assert m.value(address) == 0.0
+    found = mb.check_gradients(mb.modes, m, [address])
+    print(f"{found.error[0]:.1e}, noise {found.noise[0]:.1e}")
+    assert found.ok[0] and found.noise[0] < 1e-6

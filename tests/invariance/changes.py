@@ -79,7 +79,15 @@ def turned(rng, distance=0.0) -> Change:
     """The world turned at random, and moved by ``distance`` in a random direction."""
     q = random_turn(rng)
     way = rng.normal(size=3)
-    shift = distance * way / np.linalg.norm(way)
+    return _placed(q, distance * way / np.linalg.norm(way), distance)
+
+
+def moved(shift) -> Change:
+    """The world moved."""
+    return _placed(np.array([1.0, 0.0, 0.0, 0.0]), np.asarray(shift), float(np.linalg.norm(shift)))
+
+
+def _placed(q, shift, distance) -> Change:
     R = matrix(q)
 
     def point(p):

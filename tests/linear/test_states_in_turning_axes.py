@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import mbrs as mb
 import numpy as np
 import pytest
+from mbrs.linear.turning_frames import modal_generator
 from scipy.integrate import solve_ivp
 from scipy.optimize import linear_sum_assignment
 from test_modes_in_wind import AXIS, SPEED, R, flapper
@@ -194,3 +197,25 @@ def test_what_is_saved_holds_the_states(tmp_path):
     steady = mb.steady_motion(m, average=5)
     steady.save(tmp_path / "a.json")
     assert np.array_equal(mb.modes(m, at=mb.load(tmp_path / "a.json")).eigenvalue, mb.modes(m, at=steady).eigenvalue)
+
+
+@pytest.mark.parametrize("speed", [1e-12, 1e-3, 1.0, 1e5])
+@pytest.mark.parametrize("size", [1e-6, 1.0, 1e4])
+def test_shapes_that_turn_back_do_so_at_any_speed_and_size(speed, size):
+    """Two shapes across a random axis turn into each other, one alone does not, and one along the axis stays."""
+    rng = np.random.default_rng(4)
+    Q = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+    length, along = size * rng.uniform(0.5, 2.0), rng.uniform(0.1, 1.0, size=5)
+    w = speed * Q[:, 0]
+
+    def generator(*columns):
+        shape = np.zeros((5, 6, len(columns)))
+        for k, c in enumerate(columns):
+            shape[:, :3, k] = length * along[:, None] ** 2 * Q[:, c]
+        points = length * along[:, None] * Q[:, 0]
+        return modal_generator(SimpleNamespace(n_modes=len(columns), line_position=points, line_shape=shape), w, length)
+
+    turned = np.linalg.det(Q) * speed * np.array([[0.0, 1.0], [-1.0, 0.0]])
+    assert generator(1, 2) == pytest.approx(turned, rel=1e-12, abs=1e-12 * speed)
+    assert generator(1) is None
+    assert np.abs(generator(0)).max() < 1e-12 * speed

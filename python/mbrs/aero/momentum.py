@@ -7,16 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .. import _core
+
 __all__ = ["Annuli", "Inflow", "inflow"]
 
-# Smallest inflow angle of a rotor through which the wind still blows, rad: where even there momentum takes more than the blade
-# gives, the flow through the annulus is reversed. Larger: heavily loaded annuli reverse too early. Smaller: a hovering rotor in a
-# breath of wind is taken for a windmill that blocks it. Pinned by test_hover_is_that_of_actuator_discs.
-SMALLEST = 1e-6
-# k = a / (1 - a) at the axial induction a = 0.4 above which Buhl's parabola, which meets momentum theory there, replaces it.
-HIGH_LOAD = 2.0 / 3.0
-# Steps of a search that bisects every third: 2 pi is halved to its last bit in 55 of these. Fewer: roots are cut off. More: nothing.
-MOST_STEPS = 180
 # Relative step of the slope in the residual. Larger: pieces of fine tables are averaged. Smaller: rounding is taken for a slope,
 # which hides a residual. Pinned by test_any_input_has_a_balance.
 NEIGHBOUR = 1e-8
@@ -118,7 +112,7 @@ class _Balance:
         tangential = 4.0 * f * np.abs(s) * c + drag * c - lift * s
         normal = lift * c + drag * s
         axial = 4.0 * f * np.abs(s) * s + normal
-        above = empirical & (s > 0.0) & (normal > 4.0 * HIGH_LOAD * f * s**2)
+        above = empirical & (s > 0.0) & (normal > 4.0 * _core.HIGH_LOAD * f * s**2)
         root = np.sqrt(np.where(above, 0.5 * normal - f * (4.0 / 3.0 - f) * s**2, 0.0))
         axial = np.where(above, 4.0 * f * s * ((5.0 / 3.0 - f) * s + root), axial)
         return tangential, axial, above, alpha, lift, drag, f
@@ -175,12 +169,12 @@ def loss_factor(exponents: np.ndarray, phi: np.ndarray) -> np.ndarray:
 
 def _brackets(balance: _Balance, wind: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Ends between which the direction passes that of the wind, and whether Buhl's parabola takes part."""
-    low, high = np.full(wind.shape, SMALLEST), np.full(wind.shape, np.pi)
+    low, high = np.full(wind.shape, _core.SMALLEST_INFLOW), np.full(wind.shape, np.pi)
     on, off = np.ones(wind.shape, dtype=bool), np.zeros(wind.shape, dtype=bool)
     through = (balance.direction(low, on) < wind) & (balance.direction(high, on) >= wind)
     reversed_ = ~through & (balance.direction(low, off) >= wind)
-    low = np.where(through, SMALLEST, np.where(reversed_, -np.pi, wind - 0.5 * np.pi))
-    high = np.where(through, np.pi, np.where(reversed_, SMALLEST, wind + 0.5 * np.pi))
+    low = np.where(through, _core.SMALLEST_INFLOW, np.where(reversed_, -np.pi, wind - 0.5 * np.pi))
+    high = np.where(through, np.pi, np.where(reversed_, _core.SMALLEST_INFLOW, wind + 0.5 * np.pi))
     return low, high, through
 
 
@@ -190,7 +184,7 @@ def _roots(function: Callable[[np.ndarray], np.ndarray], low: np.ndarray, high: 
     fa, fb = function(a), function(b)
     share = np.full(a.shape, 0.5)
     best = np.where(np.abs(fa) < np.abs(fb), a, b)
-    for step in range(1, MOST_STEPS + 1):
+    for step in range(1, _core.MOST_ANNULUS_STEPS + 1):
         x = a + share * (b - a)
         fx = function(x)
         same = np.sign(fx) == np.sign(fa)
@@ -205,7 +199,7 @@ def _roots(function: Callable[[np.ndarray], np.ndarray], low: np.ndarray, high: 
         floor = np.minimum(least / np.where(width > 0.0, width, 1.0), 0.5)
         share = np.full(a.shape, 0.5) if step % 3 == 0 else _share(a, b, c, fa, fb, fc)
         share = np.clip(share, floor, 1.0 - floor)
-    return best, MOST_STEPS
+    return best, _core.MOST_ANNULUS_STEPS
 
 
 def _share(a: np.ndarray, b: np.ndarray, c: np.ndarray, fa: np.ndarray, fb: np.ndarray, fc: np.ndarray) -> np.ndarray:

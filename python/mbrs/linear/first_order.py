@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
+from .. import _core
 from .._lib.checks import choice, real_array, shown
 from .._lib.text import Block, without_rounding
 from ..errors import ModelError, SingularError
@@ -20,9 +21,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _ORDER = {"displacement": 0, "velocity": 1, "acceleration": 2}
-# Sum of two terms over the larger one that is rounding of terms that cancel. Larger: weak feedthrough is lost. Smaller: an output that is
-# blind to the derivative of an input is refused.
-_CANCELLED = 1e-10
 
 
 @result
@@ -206,7 +204,7 @@ def _direct(linear: LinearSystem, C: np.ndarray, powers: list[np.ndarray], q: in
             through = C @ powers[m - 1 - r][:, j] if m > r else np.zeros(n_out)
             feed = linear.D0[:, j] if linear.D0 is not None and r == q else np.zeros(n_out)
             total = through + feed
-            total[np.abs(total) <= _CANCELLED * np.maximum(np.abs(through), np.abs(feed))] = 0.0
+            total[np.abs(total) <= _core.NO_FEEDTHROUGH * np.maximum(np.abs(through), np.abs(feed))] = 0.0
             if r == 0:
                 D[:, j] = total
             elif np.any(total):

@@ -365,7 +365,8 @@ def modal_generator(modal: Any, w: np.ndarray, length: float) -> np.ndarray | No
         return None
     shape = modal.line_shape.reshape(-1, 2, 3, modal.n_modes) / np.array([length, 1.0])[None, :, None, None]
     turned = -np.cross(w, shape, axisa=0, axisb=2, axisc=2)
-    return fitted(shape.reshape(-1, modal.n_modes), turned.reshape(-1, modal.n_modes))
+    size = float(np.linalg.norm(w)) * np.max(np.abs(shape), initial=0.0)
+    return fitted(shape.reshape(-1, modal.n_modes), turned.reshape(-1, modal.n_modes), size=size)
 
 
 def rotation_about(w: np.ndarray, t: float) -> np.ndarray:
@@ -392,10 +393,10 @@ def expm(x: np.ndarray) -> np.ndarray:
     return np.asarray(exponential(x))
 
 
-def fitted(a: np.ndarray, b: np.ndarray, fits: float = FITS) -> np.ndarray | None:
-    """X with a X = b but for a part ``fits`` of its size, or None where there is none."""
+def fitted(a: np.ndarray, b: np.ndarray, fits: float = FITS, size: float | None = None) -> np.ndarray | None:
+    """X with a X = b but for a part ``fits`` of ``size``, by default that of b, or None where there is none."""
     if not a.size:
         return np.zeros((a.shape[1], b.shape[1]))
     X = np.linalg.lstsq(a, b, rcond=None)[0]
     miss = np.max(np.abs(a @ X - b), initial=0.0)
-    return X if miss <= fits * max(1.0, float(np.max(np.abs(b)))) else None
+    return X if miss <= fits * (np.max(np.abs(b), initial=0.0) if size is None else size) else None

@@ -6,8 +6,8 @@ particles of mass w_p with the same integrals, in which u_p holds what the field
 
     X_p = one_p x + R s_p,   s_p = r_p + phi_pk q_k + psi_pkl q_k q_l / 2,   sum_p w_p dX_p/dz . (X_p" - one_p g) = Q_z
 
-Masses may be negative (integrals of phi psi and psi psi are left out) and complex (complex steps). Nothing here knows
-the formulas of the core: only this sum.
+The frame (x, R) is at the centre of mass of the undeformed body. Masses may be negative (integrals of phi psi and psi psi are
+left out) and complex (complex steps). Nothing here knows the formulas of the core: only this sum.
 
 Frames of the reference: bodies, then moving nodes (massless, led by the modal coordinates), then carriers, frames that
 hold three modal coordinates each as their place.
@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -39,6 +39,10 @@ class Cloud:
     r: Array
     phi: Array
     psi: Array
+
+    def seen_from(self, point: Array) -> Cloud:
+        """The same particles with places about another point of the frame."""
+        return replace(self, r=self.r - self.one[:, None] * point)
 
 
 @dataclass
@@ -102,17 +106,15 @@ def read_flexible(t: Mapping[str, Any], x: Array, bodies: list[Body]) -> list[Fl
         nodes = [n + j for j, node in enumerate(moving) if t["flexible_node_body"][node] == index]
         sizes = np.cumsum([0, 3 * m, 9 * m, 9 * m * m, m * m, m * m, 12 * m * m])
         S, P1, P2, K, C, KG = (x[i + a : i + b] for a, b in itertools.pairwise(sizes))
-        cloud = particles(
-            bodies[index], S.reshape(3, m), P1.reshape(m, 3, 3), P2.reshape(m, m, 3, 3), KG.reshape(12, m, m)
-        )
         b = bodies[index]
-        out.append(Flexible(b.name, int(index), int(m), nodes, [], cloud, K.reshape(m, m), C.reshape(m, m)))
-        arm = b.R @ b.com  # the frame is about the origin, not the centre of mass
-        bodies[index] = _massless(b.name, b.centre - arm, b.R, b.velocity - np.cross(b.angular_velocity, arm), b)
+        cloud = particles(b, S.reshape(3, m), P1.reshape(m, 3, 3), P2.reshape(m, m, 3, 3), KG.reshape(12, m, m))
+        K, C = K.reshape(m, m), C.reshape(m, m)
+        out.append(Flexible(b.name, int(index), int(m), nodes, [], cloud.seen_from(b.com), K, C))
+        bodies[index] = replace(b, mass=np.zeros(()), inertia=np.zeros((3, 3)))
     for j, node in enumerate(moving):
         owner = next(f for f in out if n + j in f.nodes)
         b, at = bodies[owner.frame], t["flexible_node_x"][node]
-        arm = b.R @ x[at : at + 3]
+        arm = b.R @ (x[at : at + 3] - b.com)
         label = f"{b.name}.{t['flexible_node_name'][node]}"
         bodies.append(_massless(label, b.centre + arm, b.R, b.velocity + np.cross(b.angular_velocity, arm), b))
     for f in out:
@@ -126,7 +128,7 @@ def _massless(name: str, centre: Array, R: Array, velocity: Array, like: Body | 
     return Body(name, centre, R, np.zeros(3), np.zeros(()), np.zeros((3, 3)), velocity, w)
 
 
-def modal_links(t: Mapping[str, Any], x: Array, flexible: list[Flexible]) -> dict[int, Link]:
+def modal_links(t: Mapping[str, Any], x: Array, bodies: list[Body], flexible: list[Flexible]) -> dict[int, Link]:
     """For every node's frame the link with its body's frame."""
     out, n = {}, len(t["body_name"])
     none = np.zeros((6, 6))
@@ -136,7 +138,7 @@ def modal_links(t: Mapping[str, Any], x: Array, flexible: list[Flexible]) -> dic
             second = t["flexible_node_quadratic"][t["moving_node"][frame - n]]
             psi = x[second : second + 3 * f.m**2] if second >= 0 else np.zeros(3 * f.m**2)
             shape = x[at + 3 : at + 3 + 6 * f.m].reshape(6, f.m)
-            node = Node(f, x[at : at + 3], shape, psi.reshape(3, f.m, f.m))
+            node = Node(f, x[at : at + 3] - bodies[f.frame].com, shape, psi.reshape(3, f.m, f.m))
             inner, outer = (Marker(i, np.zeros(3), np.eye(3)) for i in (f.frame, frame))
             out[frame] = Link(f.name, "modal", inner, outer, none, none, np.zeros(6), node=node)
     return out
@@ -209,7 +211,7 @@ def moving(f: Flexible, now: Any) -> Moving:
 
 
 def inertia(f: Flexible, now: Moving) -> Jet:
-    """Force, moment about the origin (world axes) and modal forces in one row (1, 6 + m)."""
+    """Force, moment about the frame's point (world axes) and modal forces in one row (1, 6 + m)."""
     cloud = f.cloud
     place = _displaced(cloud, now.q, now.q, 0.5) + jet(cloud.r)
     rate = _displaced(cloud, now.dq, now.q, 1.0)

@@ -68,7 +68,7 @@ class System:
         reader.refuse_others(tables)
         self.gravity = reader.read_gravity(tables, self.x)
         carriers = [i for f in self.flexible for i in f.carriers]
-        links = modal_links(tables, self.x, self.flexible)
+        links = modal_links(tables, self.x, self.bodies, self.flexible)
         self.tree, self.cut = spanning_tree(self.bodies, self.joints, links, carriers)
         imposed = reader.read_imposed(tables, self.x, self.joints)
         # rows like those of joints that are cut

@@ -119,7 +119,7 @@ def linearize(
     without
         Effects to leave out: gravity, gyroscopic, centrifugal, preload-stiffness, constraint-force-stiffness, damping.
 
-    Cost O(nb^3). Source: docs/theory.md (5.7) to (5.10), and (5.5) for a moving state.
+    Cost O(nb^3). Source: docs/theory.md (5.7) to (5.10), (5.14) for ``without``, and (5.5) for a moving state.
     """
     dyn.check_effects(without)
     sys = sys.leaving_out(without)

@@ -14,6 +14,7 @@ from ..errors import ModelError
 from ..linear.sensitivity import sensitivity
 from ..model.directions import directions
 from ..results import Result, Stats, quantity, result
+from ..system.compiled import compiled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -26,8 +27,8 @@ _FACTOR = 10.0
 # Largest relative difference that is confirmed though the differences claim less. Larger: wrong derivatives pass; smaller: rounding of
 # the analysis refuses right ones.
 _NOISE = 1e-7
-# Step of the differences over the value of the parameter, and the value that 0 counts as, in the parameter's unit. Larger: what bends is
-# not told from what is wrong; smaller: rounding hides it. Pinned by tests/gradients/test_check_gradients.py.
+# Step of the differences over the value of the parameter, and the value that 0 counts as, over the size of the model's numbers of its
+# unit. Larger: what bends is not told from what is wrong; smaller: rounding hides it. Pinned by tests/gradients/test_check_gradients.py.
 _STEP, _OF_ZERO = 1e-4, 1e-3
 
 
@@ -155,6 +156,16 @@ def _paired(roots: np.ndarray, expected: np.ndarray) -> np.ndarray:
     return roots[linear_sum_assignment(np.abs(expected[:, None] - roots[None, :]))[1]]
 
 
+def _usual_size(m: Any, label: str) -> float:
+    """Size of the model's numbers of the same unit: the characteristic length, or the median of those that are not 0."""
+    unit = directions(m, [label]).units[0]
+    if unit == "m":
+        return float(compiled(m).characteristic_length)
+    known = directions(m, [f"{item.name}.{name}" for item in m.items.values() for name in item.fields()])
+    alike = [abs(float(m.value(one))) for one, own in zip(known.labels, known.units, strict=True) if own == unit]
+    return float(np.median([v for v in alike if v > 0.0] or [1.0]))
+
+
 def _one(
     analysis: Any, m: Any, label: str, exact: np.ndarray, numbers: Any, roots: np.ndarray | None
 ) -> tuple[Any, Any, float, float]:
@@ -162,7 +173,7 @@ def _one(
     now = m.value(label)
     if np.ndim(now) != 0:
         raise ModelError(f"{label!r} is not a single number; check one of its entries")
-    h = _STEP * (abs(float(now)) or _OF_ZERO)
+    h = _STEP * (abs(float(now)) or _OF_ZERO * _usual_size(m, label))
 
     def difference(step: float) -> np.ndarray:
         ends = []

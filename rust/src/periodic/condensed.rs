@@ -469,8 +469,7 @@ impl DynamicStiffness for Condensed {
     }
 
     fn copied(&self) -> Result<Box<dyn DynamicStiffness>> {
-        let factor = Factor::new(&self.split.pattern(), self.split.symmetric)?;
-        let banded = self.banded.as_ref().map(Banded::copied);
+        let (factor, banded) = (self.factor.copied(), self.banded.as_ref().map(Banded::copied));
         Ok(Box::new(Condensed { split: self.split.clone(), factor, values: self.values.clone(), banded, ..*self }))
     }
 

@@ -57,6 +57,17 @@ impl Factor {
         Ok(Factor::General(Box::new(General { symbolic, pattern: own, lu: None })))
     }
 
+    /// The same analysis, for other values.
+    pub fn copied(&self) -> Factor {
+        match self {
+            Factor::Symmetric(ldl) => Factor::Symmetric(ldl.clone()),
+            Factor::General(general) => {
+                let (symbolic, pattern) = (general.symbolic.clone(), general.pattern.clone());
+                Factor::General(Box::new(General { symbolic, pattern, lu: None }))
+            }
+        }
+    }
+
     /// Values in the order of the pattern. `SingularError` names the frequency.
     pub fn factorise(&mut self, values: &[c64], w: f64) -> Result<()> {
         let singular = || {
@@ -112,6 +123,7 @@ fn out_of_memory<E>(_: E) -> Error {
 
 /// L D L^T of a complex symmetric matrix (not Hermitian); the order is that of approximate minimum degree, or the given one where
 /// that fills in no more, and its numbers follow the elimination tree, so that neighbours lie near each other in memory.
+#[derive(Clone)]
 pub struct Ldl {
     n: usize,
     /// new place of each old index, and the reverse

@@ -336,19 +336,4 @@ impl Follower {
             self.events.push(Event { kind, y, p, exponent: None, settled: true, before });
         }
     }
-
-    /// Growths that rise by one on a unit of length to -1 on both sides: lines twice as steep reach zero half a unit further on.
-    #[test]
-    fn growths_between_two_places_may_be_twice_as_steep_as_beside_them() {
-        let growth = |re: f64| vec![c64::new(re, 0.3)];
-        let (far, near) = (growth(-2.0), growth(-1.0));
-        let at = |length: f64| possible_crossing([Some((1.0, &far)), Some((1.0, &far))], (&near, &near), length, 1.0);
-        assert_eq!([0.9, 1.1].map(|length| at(length).is_some()), [false, true]);
-    }
-
-    #[test]
-    fn exponents_whose_frequencies_differ_by_a_thousandth_are_one_pair() {
-        let same = |off: f64| same_pair(c64::new(0.1, -3.0), c64::new(-0.2, 3.0 * (1.0 + off)));
-        assert_eq!([1e-3, 1e-2].map(same), [true, false]);
-    }
 }

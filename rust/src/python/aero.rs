@@ -5,8 +5,12 @@ use pyo3::prelude::*;
 use super::border::interruptible;
 use crate::aero::filaments::{Core, Filaments, velocities};
 use crate::error::{Error, Result};
+use crate::tolerances::aero::{HIGH_LOAD, MOST_ANNULUS_STEPS, SMALLEST_INFLOW};
 
 pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    module.add("HIGH_LOAD", HIGH_LOAD)?;
+    module.add("MOST_ANNULUS_STEPS", MOST_ANNULUS_STEPS)?;
+    module.add("SMALLEST_INFLOW", SMALLEST_INFLOW)?;
     module.add_function(wrap_pyfunction!(induced_velocity, module)?)
 }
 

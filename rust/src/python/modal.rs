@@ -8,10 +8,11 @@ use crate::memory;
 use crate::run::Counts;
 use crate::second_order::linear_system::LinearSystem;
 use crate::second_order::modal::Modal;
-use crate::tolerances::{linearisation::BALANCED, modes::SAME_ROOT};
+use crate::tolerances::{frequency_response::NO_FEEDTHROUGH, linearisation::BALANCED, modes::SAME_ROOT};
 
 pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("BALANCED", BALANCED)?;
+    module.add("NO_FEEDTHROUGH", NO_FEEDTHROUGH)?;
     module.add("SAME_ROOT", SAME_ROOT)
 }
 

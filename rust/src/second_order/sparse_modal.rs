@@ -6,12 +6,13 @@ use faer::{Mat, MatRef};
 
 use super::sparse_pencil::{Pencil, ShiftInvert};
 use crate::error::{Error, Result};
+use crate::linalg::dense::cholesky;
 use crate::linalg::krylov::{Operator, Options, Ritz, Space};
 use crate::linalg::sparse::Csc;
 use crate::run::{Cancel, Counts};
 use crate::tolerances::modes::{BISECTIONS, DATA_ROUNDING, PATIENCE, SEMIDEFINITE};
 use crate::tolerances::sparse_modes::{
-    COUNT_MARGIN, ELASTIC, ENTRY_NOISE, FIRST_SHIFT, GAP, RIGID, SAME_VALUE, VANISHED,
+    COUNT_MARGIN, ELASTIC, ENTRY_NOISE, FIRST_SHIFT, GAP, RESOLVED, RIGID, SAME_VALUE, VANISHED,
 };
 
 /// Largest system of which the whole operator is formed where nearly all modes are wanted.
@@ -46,7 +47,9 @@ pub fn lowest(pencil: &impl Pencil, wanted: usize, sigma: Option<f64>, cancel: &
     let mut counts = Counts::default();
     let first = start(pencil, wanted, sigma, &mut counts, cancel)?;
     let usual = Options::new(wanted, true);
-    let mut modes = if sigma.is_none() && first.1 == 0.0 {
+    let mut modes = if is_small(pencil, &usual) {
+        small(pencil, wanted, first, sigma)?
+    } else if sigma.is_none() && first.1 == 0.0 {
         // the shift may lie too far below eigenvalues that are close together: then it moves
         match around(pencil, wanted, first, Options { max_cycles: PATIENCE, ..usual }, cancel) {
             Err(Error::Convergence { .. }) => {
@@ -64,7 +67,16 @@ pub fn lowest(pencil: &impl Pencil, wanted: usize, sigma: Option<f64>, cancel: &
             break;
         };
         counts.add("factorisations", 1);
-        modes = around(pencil, wanted, (pencil.shifted(softer)?, softer), usual, cancel)?;
+        let found = pencil.shifted(softer).and_then(|op| match is_small(pencil, &usual) {
+            true => small(pencil, wanted, (op, softer), Some(softer)),
+            false => around(pencil, wanted, (op, softer), usual, cancel),
+        });
+        match found {
+            Ok(found) => modes = found,
+            Err(Error::Interrupted) => return Err(Error::Interrupted),
+            // the shifted matrix is singular but for rounding: the modes that are there keep their errors
+            Err(_) => break,
+        }
         counts.merge(&modes.counts);
     }
     modes.counts = counts;
@@ -80,13 +92,6 @@ fn around(
 ) -> Result<SymmetricModes> {
     let (op, sigma) = shift;
     let mut counts = Counts::default();
-    if is_small(pencil, &options) {
-        counts.add("dense eigensolutions", 1);
-        let (theta, x) = every(pencil, &op, wanted)?;
-        let mut modes = finish(pencil, &op, x, &theta, sigma)?;
-        (modes.verified, modes.counts) = ("all computed", counts);
-        return Ok(modes);
-    }
     let mut space = Space::new(&op, options)?;
     let mut ritz = space.converge(cancel)?;
     let mut verified = "unverified";
@@ -127,7 +132,47 @@ fn is_small(pencil: &impl Pencil, options: &Options) -> bool {
     pencil.free_dim() < options.dim + 3 * options.block
 }
 
-/// All eigenpairs of L^T A^-1 L with M = L L^T, of which the `wanted` largest are returned. O(n^3).
+/// Modes from the whole operator. At zero shift, and near to it, stiff modes may be as small in it as what rounding leaves of constraints.
+/// Far below all eigenvalues the operator is (lambda - sigma)^-1 with one order of magnitude less than the largest of them, and constraints
+/// are zeros beside it, however different stiffnesses are.
+fn small(
+    pencil: &impl Pencil,
+    wanted: usize,
+    (op, shift): (ShiftInvert<'_>, f64),
+    given: Option<f64>,
+) -> Result<SymmetricModes> {
+    let mut counts = Counts::default();
+    let mut solved = |op: &ShiftInvert<'_>, shift: f64| -> Result<std::result::Result<SymmetricModes, usize>> {
+        counts.add("dense eigensolutions", 1);
+        let (theta, x) = every(pencil, op, wanted)?;
+        if theta.len() < wanted { Ok(Err(theta.len())) } else { finish(pencil, op, x, &theta, shift).map(Ok) }
+    };
+    let mut found = solved(&op, shift)?;
+    let coarse = -FIRST_SHIFT * pencil.scale();
+    // of rigid modes it is an eigenvalue
+    let error = |m: &SymmetricModes| {
+        let elastic = m.lambda.iter().zip(&m.error).filter(|(lambda, _)| **lambda != 0.0);
+        elastic.map(|(_, error)| *error).fold(0.0, f64::max)
+    };
+    let poor = given.is_none() && shift != coarse && found.as_ref().map_or(true, |m| error(m) > RESOLVED);
+    if poor {
+        let again = solved(&pencil.shifted(coarse)?, coarse)?;
+        found = match (found, again) {
+            (Ok(first), Ok(second)) if error(&second) > error(&first) => Ok(first),
+            (Ok(first), Err(_)) => Ok(first),
+            (_, again) => again,
+        };
+    }
+    counts.add("factorisations", u64::from(poor));
+    let mut modes = found.map_err(|left| {
+        let far = if given.is_some() { " or lie too far from sigma: leave sigma out" } else { "" };
+        Error::model(format!("n = {wanted} modes were asked for, but the constraints leave {left}{far}"))
+    })?;
+    (modes.verified, modes.counts) = ("all computed", counts);
+    Ok(modes)
+}
+
+/// All eigenpairs of L^T A^-1 L with M = L L^T, of which the `wanted` largest are returned, fewer where constraints leave fewer. O(n^3).
 fn every(pencil: &impl Pencil, op: &ShiftInvert<'_>, wanted: usize) -> Result<(Vec<f64>, Mat<f64>)> {
     let n = pencil.dim();
     if n > LARGEST_DENSE {
@@ -150,13 +195,8 @@ fn every(pencil: &impl Pencil, op: &ShiftInvert<'_>, wanted: usize) -> Result<(V
     let largest = order.first().map_or(0.0, |k| eigen.S()[*k].abs());
     // constraints leave exact zeros, which rounding blurs
     order.retain(|k| eigen.S()[*k].abs() > VANISHED * largest);
-    if order.len() < wanted {
-        return Err(Error::model(format!(
-            "n = {wanted} modes were asked for, but the constraints leave {}",
-            order.len()
-        )));
-    }
     order.truncate(wanted);
+    let wanted = order.len();
     let value: Vec<f64> = order.iter().map(|k| eigen.S()[*k]).collect();
     let chosen = Mat::from_fn(b.nrows(), wanted, |i, j| eigen.U()[(i, order[j])]);
     let mut shape = &pseudo_inverse * &chosen;
@@ -210,9 +250,9 @@ fn start<'a>(
     if is_small(pencil, &Options::new(wanted, true)) {
         return Ok((pencil.shifted(sigma)?, sigma));
     }
+    let mut op = pencil.shifted(sigma)?;
     for _ in 0..12 {
         counts.add("factorisations", 1);
-        let op = pencil.shifted(sigma)?;
         let options = Options::new(wanted, true);
         let coarse = Options { dim: (wanted + 2 * options.block).div_ceil(options.block) * options.block, ..options };
         let mut space = Space::new(&op, coarse)?;
@@ -224,10 +264,10 @@ fn start<'a>(
             return Ok((op, sigma));
         }
         // the coarse value lies above the true one, mostly far above: a bold step saves factorisations
-        sigma = -0.1 * first;
+        let Ok(moved) = pencil.shifted(-0.1 * first) else { break };
+        (op, sigma) = (moved, -0.1 * first);
     }
-    counts.add("factorisations", 1);
-    Ok((pencil.shifted(sigma)?, sigma))
+    Ok((op, sigma))
 }
 
 /// A shift below the first eigenvalue, as near to it as the first few are to each other, by bisection with inertia counts.
@@ -292,19 +332,32 @@ fn finish(
     // one more inverse iteration: it shows the residual and improves the shapes
     let mut y = Mat::zeros(n, wanted);
     op.apply(x.as_ref(), y.as_mut())?;
-    let of_rows = pencil.row_sensitivity(op, y.as_ref());
+    let mut forces = op.forces(wanted);
     let mut residual = vec![0.0; wanted];
     for k in 0..wanted {
         let theta = values[k];
         let difference = Mat::from_fn(n, 1, |i, _| y[(i, k)] / theta - x[(i, k)]);
         residual[k] = mass_norm(pencil.mass(), difference.as_ref());
-        // deterministic sign: the largest component is positive
-        let largest = (0..n).fold(0, |a, i| if y[(i, k)].abs() > y[(a, k)].abs() { i } else { a });
-        let norm = mass_norm(pencil.mass(), y.subcols(k, 1)).copysign(y[(largest, k)]);
-        for i in 0..n {
-            y[(i, k)] /= norm;
+        let norm = mass_norm(pencil.mass(), y.subcols(k, 1));
+        if !norm.is_finite() || norm == 0.0 {
+            return Err(Error::singular(
+                "the shifted matrix is singular: a shape is infinite or NaN; give another sigma",
+            ));
+        }
+        for scaled in [&mut y, &mut forces] {
+            scaled.col_mut(k).iter_mut().for_each(|v| *v /= norm);
         }
     }
+    orthonormalise(pencil.mass(), &mut y, &mut forces);
+    separate(pencil, sigma, &mut y, &mut forces, &mut residual)?;
+    for k in 0..wanted {
+        // deterministic sign: the largest component is positive
+        let largest = (0..n).fold(0, |a, i| if y[(i, k)].abs() > y[(a, k)].abs() { i } else { a });
+        if y[(largest, k)] < 0.0 {
+            y.col_mut(k).iter_mut().for_each(|v| *v = -*v);
+        }
+    }
+    let of_rows = pencil.row_sensitivity(forces.as_ref(), y.as_ref());
     let from_energy = pencil.energies(y.as_ref());
     // what the entries of an assembled K leave of its low eigenvalues; sums of energies lose nothing of the kind
     let exact = from_energy.is_some();
@@ -327,11 +380,13 @@ fn finish(
             rigid += 1;
             continue;
         }
-        if lambda[k] > 0.0 && lambda[k] < ELASTIC * sigma.abs() {
+        let rows = DATA_ROUNDING * 0.5 * f64::EPSILON * of_rows[k];
+        // shapes are rounded, and with them the stretch of what they should not stretch
+        let of_shape = f64::EPSILON.powi(2) * pencil.scale();
+        error[k] = (data + rows + of_shape) / lambda[k].abs() + from_vector + of_sum;
+        if lambda[k] > 0.0 && lambda[k] < ELASTIC * sigma.abs() && (!exact || from_vector > RESOLVED) {
             softest = softest.min(lambda[k]);
         }
-        let rows = DATA_ROUNDING * 0.5 * f64::EPSILON * of_rows[k];
-        error[k] = (data + rows) / lambda[k].abs() + from_vector + of_sum;
     }
     let mut order: Vec<usize> = (0..wanted).collect();
     order.sort_by(|a, b| lambda[*a].total_cmp(&lambda[*b]));
@@ -346,6 +401,45 @@ fn finish(
         verified: "unverified",
         counts: Counts::default(),
     })
+}
+
+/// Takes out of each shape what rounding of the solution left of those nearer to the shift, which is most where these are nearest.
+fn orthonormalise(mass: &Csc, y: &mut Mat<f64>, forces: &mut Mat<f64>) {
+    let mut weighed = Mat::zeros(y.nrows(), y.ncols());
+    mass.multiply(y.as_ref(), weighed.as_mut(), false);
+    let Ok(l) = cholesky((y.transpose() * &weighed).as_ref()) else { return };
+    for a in [y, forces] {
+        l.solve_lower_triangular_in_place(a.as_mut().transpose_mut());
+    }
+}
+
+/// Modes much nearer to zero than the shift, and rigid ones, are one repeated value to the operator, and rounding mixes their shapes. The
+/// singular values of their stretches tell them apart.
+fn separate(
+    pencil: &impl Pencil,
+    sigma: f64,
+    y: &mut Mat<f64>,
+    forces: &mut Mat<f64>,
+    residual: &mut [f64],
+) -> Result<()> {
+    let Some(lambda) = pencil.energies(y.as_ref()) else { return Ok(()) };
+    let soft: Vec<usize> = (0..lambda.len()).filter(|k| lambda[*k].abs() <= ELASTIC * sigma.abs()).collect();
+    let own = |a: &Mat<f64>| Mat::from_fn(a.nrows(), soft.len(), |i, k| a[(i, soft[k])]);
+    let shapes = own(y);
+    let Some(strains) = pencil.strains(shapes.as_ref()).filter(|_| soft.len() > 1) else { return Ok(()) };
+    // enough rows for all singular values
+    let rows = strains.nrows().max(soft.len());
+    let w = Mat::from_fn(rows, soft.len(), |i, k| if i < strains.nrows() { strains[(i, k)] } else { 0.0 });
+    let svd =
+        w.thin_svd().map_err(|_| Error::singular("stretches of soft modes are not finite: give another sigma"))?;
+    let turn = svd.V();
+    for a in [y, forces] {
+        let mixed = own(a) * turn;
+        soft.iter().enumerate().for_each(|(c, k)| a.col_mut(*k).copy_from(mixed.col(c)));
+    }
+    let all = soft.iter().map(|k| residual[*k].powi(2)).sum::<f64>().sqrt();
+    soft.iter().for_each(|k| residual[*k] = all);
+    Ok(())
 }
 
 fn mass_norm(m: &Csc, x: MatRef<'_, f64>) -> f64 {

@@ -9,6 +9,7 @@ use faer::prelude::*;
 use faer::{Mat, MatMut, MatRef};
 
 use crate::error::{Error, Result};
+use crate::linalg::dense::cholesky;
 use crate::linalg::krylov::Operator;
 use crate::linalg::sparse::{Csc, Factor, LuPlan, negative_eigenvalues};
 use crate::tolerances::matrices::{MASS_PIVOT, STIFFNESS_PIVOT};
@@ -27,8 +28,12 @@ pub trait Pencil {
     fn shifted(&self, sigma: f64) -> Result<ShiftInvert<'_>>;
     /// Rayleigh quotients, where they can be had more accurately than the Ritz values.
     fn energies(&self, x: MatRef<'_, f64>) -> Option<Vec<f64>>;
-    /// Change of each eigenvalue, at most, for a relative change of every entry of the rows, where y is what was solved for last.
-    fn row_sensitivity(&self, _op: &ShiftInvert<'_>, y: MatRef<'_, f64>) -> Vec<f64> {
+    /// Stretches w of elements with x^T K x = |w|^2, where nothing else has a share in the energy.
+    fn strains(&self, _x: MatRef<'_, f64>) -> Option<Mat<f64>> {
+        None
+    }
+    /// Change of each eigenvalue, at most, for a relative change of every entry of the rows, from the forces in them.
+    fn row_sensitivity(&self, _forces: MatRef<'_, f64>, y: MatRef<'_, f64>) -> Vec<f64> {
         vec![0.0; y.ncols()]
     }
     /// Number of eigenvalues below s, None where it cannot be told.
@@ -58,6 +63,14 @@ impl<'a> ShiftInvert<'a> {
         rhs.as_mut().subrows_mut(0, force.nrows()).copy_from(force);
         self.factor.solve(rhs.as_mut());
         rhs.subrows(0, force.nrows()).to_owned()
+    }
+}
+
+impl ShiftInvert<'_> {
+    /// Forces in the rows of the last solution, one column for each right-hand side.
+    pub fn forces(&self, columns: usize) -> Mat<f64> {
+        let (solved, n) = (self.rhs.borrow(), self.m.rows);
+        Mat::from_fn(self.factor.n() - n, columns, |i, c| solved[(n + i, c)])
     }
 }
 
@@ -204,6 +217,16 @@ struct Stiffness {
 struct Coupled {
     rows: Vec<usize>,
     stiffness: Mat<f64>,
+    /// lower triangular L with L L^T the stiffness
+    root: Mat<f64>,
+}
+
+impl Coupled {
+    /// w of its rows with s^T K s = |w|^2.
+    fn weighed(&self, stretch: &Mat<f64>, c: usize) -> Vec<f64> {
+        let of = |i: usize| (i..self.rows.len()).map(|j| self.root[(j, i)] * stretch[(self.rows[j], c)]).sum();
+        (0..self.rows.len()).map(of).collect()
+    }
 }
 
 impl Mixed {
@@ -232,6 +255,15 @@ impl Mixed {
     }
 }
 
+impl Mixed {
+    fn weighed_stretches(&self, x: MatRef<'_, f64>) -> Mat<f64> {
+        let mut stretch = Mat::zeros(self.rows.rows, x.ncols());
+        self.rows.multiply(x, stretch.as_mut(), false);
+        self.stiffness.weigh(&mut stretch);
+        stretch
+    }
+}
+
 impl Stiffness {
     /// From the lower right corner, -compliance; rows without any are constraints.
     fn new(corner: &Csc) -> Result<Self> {
@@ -248,7 +280,8 @@ impl Stiffness {
                 let block = Mat::from_fn(rows.len(), rows.len(), |i, j| -corner.get(rows[i], rows[j]));
                 let llt = block.llt(faer::Side::Lower).map_err(|_| refuse())?;
                 let stiffness = llt.solve(Mat::<f64>::identity(rows.len(), rows.len()));
-                out.blocks.push(Coupled { rows, stiffness });
+                let root = cholesky(stiffness.as_ref()).map_err(|_| refuse())?;
+                out.blocks.push(Coupled { rows, stiffness, root });
                 continue;
             }
             let compliance = -corner.get(first, first);
@@ -268,19 +301,15 @@ impl Stiffness {
         single + self.blocks.iter().map(|b| b.rows.len()).sum::<usize>()
     }
 
-    fn energy(&self, stretch: &Mat<f64>, c: usize) -> f64 {
-        let mut energy = 0.0;
-        for (i, k) in self.single.iter().enumerate() {
-            energy += k * stretch[(i, c)] * stretch[(i, c)];
-        }
-        for block in &self.blocks {
-            for (i, row) in block.rows.iter().enumerate() {
-                for (j, other) in block.rows.iter().enumerate() {
-                    energy += stretch[(*row, c)] * block.stiffness[(i, j)] * stretch[(*other, c)];
-                }
+    /// Stretches become w with the energies |w|^2; constraints have none.
+    fn weigh(&self, stretch: &mut Mat<f64>) {
+        for c in 0..stretch.ncols() {
+            let own: Vec<Vec<f64>> = self.blocks.iter().map(|b| b.weighed(stretch, c)).collect();
+            self.single.iter().enumerate().for_each(|(i, k)| stretch[(i, c)] *= k.sqrt());
+            for (block, own) in self.blocks.iter().zip(own) {
+                block.rows.iter().zip(own).for_each(|(row, w)| stretch[(*row, c)] = w);
             }
         }
-        energy
     }
 
     fn diagonal(&self) -> Vec<f64> {
@@ -336,26 +365,29 @@ impl Pencil for Mixed {
 
     /// Energies are sums of positive terms over elements: accurate where x^T K x of an assembled K is all cancellation.
     fn energies(&self, x: MatRef<'_, f64>) -> Option<Vec<f64>> {
-        let mut stretch = Mat::zeros(self.rows.rows, x.ncols());
-        self.rows.multiply(x, stretch.as_mut(), false);
+        let w = self.weighed_stretches(x);
         let mut geometric = Mat::zeros(self.m.rows, x.ncols());
         self.geometric.multiply(x, geometric.as_mut(), false);
         let mut inertia = Mat::zeros(self.m.rows, x.ncols());
         self.m.multiply(x, inertia.as_mut(), false);
         let dot = |a: &Mat<f64>, c: usize| (0..x.nrows()).map(|i| x[(i, c)] * a[(i, c)]).sum::<f64>();
-        let quotient = |c: usize| (self.stiffness.energy(&stretch, c) + dot(&geometric, c)) / dot(&inertia, c);
-        Some((0..x.ncols()).map(quotient).collect())
+        let energy = |c: usize| (0..w.nrows()).map(|i| w[(i, c)] * w[(i, c)]).sum::<f64>() + dot(&geometric, c);
+        Some((0..x.ncols()).map(|c| energy(c) / dot(&inertia, c)).collect())
+    }
+
+    fn strains(&self, x: MatRef<'_, f64>) -> Option<Mat<f64>> {
+        let elastic = self.geometric.entries().all(|(_, _, v)| v == 0.0);
+        elastic.then(|| self.weighed_stretches(x))
     }
 
     /// A change dG of the rows changes lambda by 2 f^T dG y / y^T M y, f the forces in them.
-    fn row_sensitivity(&self, op: &ShiftInvert<'_>, y: MatRef<'_, f64>) -> Vec<f64> {
-        let solved = op.rhs.borrow();
+    fn row_sensitivity(&self, forces: MatRef<'_, f64>, y: MatRef<'_, f64>) -> Vec<f64> {
         let n = self.m.rows;
         let mut inertia = Mat::zeros(n, y.ncols());
         self.m.multiply(y, inertia.as_mut(), false);
         let mut sum = vec![0.0; y.ncols()];
         for (c, sum) in sum.iter_mut().enumerate() {
-            let terms = self.rows.entries().map(|(i, j, g)| (solved[(n + i, c)] * g * y[(j, c)]).abs()).sum::<f64>();
+            let terms = self.rows.entries().map(|(i, j, g)| (forces[(i, c)] * g * y[(j, c)]).abs()).sum::<f64>();
             *sum = 2.0 * terms / (0..n).map(|i| y[(i, c)] * inertia[(i, c)]).sum::<f64>();
         }
         sum

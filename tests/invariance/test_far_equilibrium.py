@@ -1,0 +1,49 @@
+"""Equilibrium of models far from the origin of the world: it is found, as well as rounding of places resolves stiff parts."""
+
+from __future__ import annotations
+
+import jitter
+import mbrs as mb
+import numpy as np
+import pytest
+from changes import moved, turned
+from mbrs.system.compiled import compiled
+from random_models import random_loop, random_tree
+
+pytestmark = pytest.mark.filterwarnings("ignore::mbrs.errors.MbrsWarning")
+KINDS = ("planar", "spherical", "universal", "prismatic", "revolute", "cylindrical", "free")
+LOOPS = [
+    ("spherical", "universal", "cylindrical", "spherical"),
+    ("revolute", "free", "universal", "planar", "spherical"),
+]
+
+
+def graded(seed):
+    """A random tree or loop in which half of the springs are stiffer by up to nine orders, and three distances of up to 1e6."""
+    rng = np.random.default_rng([seed, 7])
+    if rng.random() < 0.6:
+        m = random_tree(rng, int(rng.integers(1, 5)), tuple(rng.choice(KINDS, 3)))
+    else:
+        m = random_loop(rng, LOOPS[int(rng.integers(2))], rod=bool(rng.integers(2)))
+    factor = 10 ** rng.uniform(0, 9)
+    stiff = [f"{e.name}.k" for e in m.elements if rng.random() < 0.5]
+    m.set({address: np.asarray(m.value(address)) * factor for address in stiff})
+    return m, 10 ** np.random.default_rng(seed).uniform(0, 6, 3)
+
+
+@pytest.mark.parametrize("seed", [0, 1, *(pytest.param(s, marks=pytest.mark.slow) for s in range(2, 60))])
+def test_far_from_the_origin_an_equilibrium_is_found(seed):
+    """The same points, with what their places far away leave of them, near to the origin."""
+    if jitter.level():
+        pytest.skip("noise on far places moves points")
+    m, distances = graded(seed)
+    for distance in distances:
+        change = turned(np.random.default_rng(seed), distance)
+        far = change(m)
+        found, near = mb.equilibrium(far), mb.equilibrium(moved(-change.shift)(far))
+        length = compiled(m).characteristic_length
+        off = np.abs(found.poses["position"] - near.poses["position"] - change.shift).max() / length
+        rounding = np.finfo(float).eps * distance / length
+        print(f"{distance:.0e}: {found.status}, off {off:.1e}, error {found.error:.1e}, rounding {rounding:.1e}")
+        assert off < m.tolerance + found.error + near.error
+        assert found.status == "converged" or found.doubts
