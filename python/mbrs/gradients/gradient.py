@@ -24,6 +24,7 @@ from ..motion.tangent import (
     RHO,
     Kink,
     Run,
+    kink_times,
     require_followed_guess,
     value_at,
     warn_of,
@@ -33,7 +34,7 @@ from ..results import Stats, added_counts
 from ..system.effects import check_without, effects
 from .motion_gradient import MotionGradient, effects_of
 from .objectives import Evaluation, Integral, NewReading, Objective, Reader, evaluate, number
-from .steps import prepare
+from .steps import coarser, prepare
 
 if TYPE_CHECKING:
     from ..model.model import Model
@@ -104,7 +105,8 @@ def gradient(
     t
         s; the end of the motion. Zero length is allowed: the start alone.
     step, rtol
-        s, fixed steps (equal, at most so long, ending at t); or a tolerance that chooses them first. 1e-7 if neither is given.
+        s, fixed steps (equal, at most so long, ending at t and at kinks of laws); or a tolerance that chooses them first. 1e-7 if
+        neither is given.
     scheme
         "explicit" (order 8, for scenes that are not stiff), "radau" (order 5, for stiff scenes), "bdf" (orders 1 to 5, order
         4 with ``step``, for stiff scenes), "ali3p" or "generalized-alpha"
@@ -146,7 +148,7 @@ def gradient(
     Warns
     -----
     KinkWarning
-        A motion that passes kinks of forces, with times and elements (``.kinks``).
+        A motion that passes kinks of forces at which no step ends, with times and elements (``.kinks``).
     MbrsWarning
         A motion that is very sensitive to the parameters over this time span (``.growth``).
 
@@ -178,7 +180,7 @@ def gradient(
     require_followed_guess(run, along)
     chosen = ("adjoint" if along.n > 8 * len(objectives) else "direct") if method == "auto" else method
     found = _gradients(run, objectives, along, chosen)
-    kinks, gradients = found.kinks, found.gradients
+    kinks, gradients = (*found.kinks, *run.missed), found.gradients
     warn_of(kinks)
     shaped = along.shaped(gradients if many else gradients[0])
     made = MotionGradient(
@@ -219,18 +221,33 @@ def _estimated(made: MotionGradient, run: Run, objectives: Sequence[Objective], 
     m = run.model
     if len(run.times) < 3 or run.snapshot.versions != (m.structure_version, m.values_version):
         return None
-    marks = [*(x for o in objectives for x in o.times), *_core.motion_breaks(run.snapshot.system, float(run.times[0]))]
-    kept = np.isin(run.times, marks)
-    kept[::2] = kept[-1] = True
-    coarse_run = replace(run, times=run.times[kept], orders=_of_pairs(run.orders, kept))
-    other = _gradients(coarse_run, objectives, along, made.method).gradients
+    marks = [x for o in objectives for x in o.times]
+    marks += [*_core.motion_breaks(run.snapshot.system, float(run.times[0])), *kink_times(run.smooth)]
+    kept = _joined(np.isin(run.times, marks), np.isin(run.times, kink_times(run.smooth)))
+    other = _gradients(coarser(run, kept, _of_pairs(run.orders, kept)), objectives, along, made.method).gradients
     fine, coarse = effects_of(made, made.gradient), effects_of(made, other)
     size = np.abs(fine).max(axis=1)
     miss = np.abs(coarse - fine).max(axis=1)
     found = float(np.max(miss[size > 0.0] / size[size > 0.0], initial=0.0))
     # too far apart for an order to show: the difference itself is what is known
     order = float(np.median(np.abs(run.orders))) if len(run.orders) else _ORDERS[run.scheme]
-    return found if made.kinks or found > _UNRELATED else found / (2.0**order - 1.0)
+    passed = made.kinks or kink_times(run.smooth)
+    return found if passed or found > _UNRELATED else found / (2.0**order - 1.0)
+
+
+def _joined(held: np.ndarray, kinks: np.ndarray) -> np.ndarray:
+    """The ends of steps that every two steps joined have, those of a stretch between kinks counted from its start.
+
+    An odd step that ends at a kink is joined too: what a law does beside its kink is an error of the steps next to it.
+    """
+    kept = held.copy()
+    ends = [0, *np.flatnonzero(kinks).tolist(), len(held) - 1]
+    for a, b in itertools.pairwise(ends):
+        kept[a:b:2] = True
+        if kinks[b] and (b - a) % 2 and b - a > 1:
+            kept[b - 1] = held[b - 1]
+    kept[-1] = True
+    return kept
 
 
 def _of_pairs(orders: Sequence[int], kept: np.ndarray) -> tuple[int, ...]:

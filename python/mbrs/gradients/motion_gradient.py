@@ -38,9 +38,9 @@ class MotionGradient(Result):
     method
         "direct" or "adjoint".
     kinks
-        ``(t, element, what)`` of places that the motion passed where a force has a kink (a gap that closes or opens, a slider
-        that begins or ceases to slide, friction that changes its sign within a step): it is not differentiable there. The
-        gradient ignores them and is first-order accurate there; ``status`` is then "kinks" instead of "converged".
+        ``(t, element, what)`` of kinks of forces at which no step ended (a slider that begins or ceases to slide, friction that
+        changes its sign within a step, a force that jumps): the gradient ignores them and is first-order accurate there; ``status`` is then
+        "kinks" instead of "converged".
     growth
         How many times larger the relative changes of what the objectives read are than those of the parameters, at most. It grows
         without bound where a motion is chaotic; from 1e4 on there is a warning.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -10,12 +11,15 @@ import numpy as np
 from .. import _core
 from .._lib.border import core_errors
 from .._lib.checks import positive, real_number
-from ..errors import ModelError
+from ..errors import ConvergenceError, ModelError
 from ..motion.options import DEFAULT, require_room
-from ..motion.simulate import kept_motion, simulate
+from ..motion.simulate import simulate, to_be_differentiated
 from ..motion.tangent import (
+    Kink,
     Run,
+    Stretch,
     grid,
+    kink_times,
     least_gap,
     require_exact_tangents,
 )
@@ -60,6 +64,8 @@ def prepare(
         kind["scheme"] = _scheme(snapshot, state, without, end, step)
     orders: tuple[int, ...] = ()
     kept: _core.KeptMotion | None = None
+    smooth: list[Stretch] = []
+    missed: tuple[Kink, ...] = ()
     if end == state.t:
         times = np.array([end])
     elif step is not None:
@@ -74,6 +80,11 @@ def prepare(
         )
         breaks = _core.motion_breaks(snapshot.system, state.t)
         times = grid(state.t, end, h, [*through, *breaks])
+        if _core.motion_has_kinks(snapshot.system, list(without)):
+            try:
+                times, smooth, missed = located(m, state, without, times, kind["scheme"])
+            except ConvergenceError as stopped:
+                missed = _stopped(m, stopped)
     else:
         marks = np.array(sorted({*(x for x in through if x > state.t), end}))
         run: dict[str, Any] = {"rtol": DEFAULT if rtol is None else rtol, "at": state, "without": without}
@@ -83,16 +94,82 @@ def prepare(
             run["max_step"] = 0.9 * float(np.diff(marks).min())
         if kind["scheme"] in ("radau", "bdf") and len(marks) == 1:
             # no step has to move
-            traj, kept = kept_motion(m, marks, keep, **run, **_as_method(kind))
-        else:
-            traj = simulate(m, marks, **run, **_as_method(kind))
+            run["keep"] = keep
+        run |= _as_method(kind)
+        try:
+            traj, made = to_be_differentiated(m, marks, **run)
+            kept, smooth, missed = made.get("kept"), made["smooth"], _missed(made)
+        except ConvergenceError as stopped:
+            run.pop("keep", None)
+            traj, missed = simulate(m, marks, **run), _stopped(m, stopped)
         if multistep:
-            breaks = _core.motion_breaks(snapshot.system, state.t)
+            breaks = [*_core.motion_breaks(snapshot.system, state.t), *kink_times(smooth)]
             times, orders = _drawn_to(traj.steps, traj.orders, marks, breaks, slack)
         else:
-            times = _with_marks(traj.steps, marks)
+            times = _with_marks(traj.steps, marks, kink_times(smooth))
     inner = any(isinstance(o, Integral) for o in objectives)
-    return Run(m, snapshot, state, without, times, keep=keep, inner=inner, orders=orders, kept=kept, **kind)
+    found: dict[str, Any] = {
+        "orders": orders,
+        "smooth": smooth,
+        "missed": missed,
+        "kept": kept,
+        "controlled": step is None,
+    }
+    return Run(m, snapshot, state, without, times, keep=keep, inner=inner, **found, **kind)
+
+
+def located(
+    m: Model, state: State, without: tuple[str, ...], times: np.ndarray, scheme: str
+) -> tuple[np.ndarray, list[Stretch], tuple[Kink, ...]]:
+    """Steps between these times that end at kinks of laws as well, the stretches between kinks, and kinks at which none ends.
+
+    A method of high order finds them: the error of the gradient is that of its scheme alone.
+    """
+    method: dict[str, Any] = (
+        {"method": "explicit", "coordinates": "tree"} if scheme == "explicit" else {"method": "radau"}
+    )
+    asked: dict[str, Any] = {
+        "step": float(np.diff(times).max()),
+        "ends": times.tolist(),
+        "at": state,
+        "without": without,
+    }
+    traj, made = to_be_differentiated(m, float(times[-1]), **asked, **method)
+    return traj.steps, made["smooth"], _missed(made)
+
+
+def coarser(run: Run, kept: np.ndarray, orders: tuple[int, ...]) -> Run:
+    """The motion over those of its steps' ends that are kept, with kinks where longer steps find them."""
+    found = replace(run, times=run.times[kept], orders=orders, kept=None)
+    kinks = np.array(kink_times(run.smooth))
+    if not len(kinks):
+        return found
+    is_kink = np.isin(found.times, kinks)
+    try:
+        # steps that a tolerance chose are too long for an explicit method once they are twice as long
+        scheme = "radau" if run.controlled else run.scheme
+        times, smooth, _ = located(run.model, run.state, run.without, found.times[~is_kink], scheme)
+    except ConvergenceError:
+        return found
+    if not orders:
+        return replace(found, times=times, smooth=smooth)
+    # a history keeps its orders: its kinks move
+    moved = found.times.copy()
+    if len(smooth) == len(run.smooth):
+        moved[is_kink] = kink_times(smooth)
+    if len(smooth) != len(run.smooth) or np.any(np.diff(moved) <= 0.0):
+        return found
+    return replace(found, times=moved, smooth=smooth)
+
+
+def _stopped(m: Model, error: ConvergenceError) -> tuple[Kink, ...]:
+    """The one place at which a motion stopped because no step ended at a kink."""
+    traj = error.result
+    return ((float(traj.t[-1]) if len(traj.t) else 0.0, m.name, "no step ends at a kink of one of its laws"),)
+
+
+def _missed(made: dict[str, Any]) -> tuple[Kink, ...]:
+    return tuple((t, name, "its force jumps, or has kinks without end") for t, name in made["missed"])
 
 
 def _scheme(snapshot: Snapshot, state: State, without: tuple[str, ...], end: float, step: float | None) -> str:
@@ -108,11 +185,11 @@ def _scheme(snapshot: Snapshot, state: State, without: tuple[str, ...], end: flo
     return "radau" if step is None else "ali3p"
 
 
-def _with_marks(steps: np.ndarray, marks: np.ndarray) -> np.ndarray:
-    """Steps that end at the marks too; steps nearer to a mark than a hundredth of their length move to it."""
+def _with_marks(steps: np.ndarray, marks: np.ndarray, held: Sequence[float]) -> np.ndarray:
+    """Steps that end at the marks too; those nearer to a mark than a hundredth of their length move to it, unless they are held."""
     length = np.minimum(np.diff(steps, prepend=-np.inf), np.diff(steps, append=np.inf))
     far = np.abs(steps[:, None] - marks[None, :]).min(axis=1) > 0.01 * length
-    far[0] = True
+    far |= np.isin(steps, [steps[0], *held])
     return np.unique(np.concatenate([steps[far], marks]))
 
 

@@ -12,6 +12,8 @@ use crate::error::{Error, Result};
 use crate::expressions::Program;
 use crate::spatial::Real;
 
+use super::law::Side;
+
 /// Most coordinates of one law.
 pub const MOST: usize = 6;
 
@@ -107,6 +109,21 @@ impl FunctionLaw {
             Body::External(external) => external.force(t, u, v, &mut out[..self.m]),
         }
         out
+    }
+
+    /// Signed distances from its kinks; one from outside knows none.
+    pub fn distances(&self, t: f64, u: &[f64], v: &[f64], p: &[f64]) -> Vec<f64> {
+        match &*self.body {
+            Body::Program(program) => program.switches(&program.values(&[&[t], u, v, p].concat())),
+            Body::External(_) => Vec::new(),
+        }
+    }
+
+    /// Held on these sides of its kinks.
+    pub fn held(&self, sides: &[Side]) -> FunctionLaw {
+        let Body::Program(program) = &*self.body else { return self.clone() };
+        let above: Vec<_> = sides.iter().map(|s| (*s != Side::Free).then_some(*s == Side::Above)).collect();
+        FunctionLaw { body: Arc::new(Body::Program(program.on_branches(&above))), ..self.clone() }
     }
 
     /// Forces and slopes; those by the rate only where `rates`.

@@ -5,15 +5,15 @@ use crate::tolerances::motion::SAFETY;
 
 use super::detour::{Approach, Detour, Passage, again, passage};
 use super::kept::KeptSteps;
+use super::kinks::{AtKinks, Kinks};
 use super::watch::{Mark, Seen, Watch};
-use super::way::{Aim, Uncounted, Verdict, Way, active};
+use super::way::{Aim, Uncounted, Verdict, Way, active, scaled};
 use super::{Equations, Instant, LocalError, Motion, Scheme, Step, before_break};
 use crate::tolerances::singular_poses::{FARTHEST_CROSSING, LATER, NEAREST_CROSSING};
 use crate::tolerances::steps::{FADING, FINEST_CROSSING, FROM_REST, ON_GRID, SAME_INSTANT, SAME_LENGTH, SLOWEST};
 
 pub use super::plan::{End, Output, Plan, Progress, Run, Steps};
 
-const SHRINK: f64 = 0.2;
 const GROW: f64 = 3.0;
 const MAX_FAILURES: usize = 60;
 /// Local errors of one step below so many times the rounding of a pose are rounding themselves, where only a part of the tolerance
@@ -33,6 +33,7 @@ struct Driver<'e, 's, 'p> {
     next_output: usize,
     uncounted: Uncounted<'e, 's>,
     watch: Watch,
+    kinks: Option<Kinks>,
     run: Run,
 }
 
@@ -55,6 +56,7 @@ pub fn drive(
         next_output: 0,
         uncounted: Uncounted::new(eq),
         watch: Watch::new(eq, &start, counts),
+        kinks: plan.to_kinks.then(|| Kinks::new(eq, &start, plan.steps.tolerance())).filter(Kinks::any),
         run: Run {
             outputs: Vec::new(),
             steps: vec![start.motion.t],
@@ -62,6 +64,7 @@ pub fn drive(
             local: Vec::new(),
             rejected: 0,
             kept: plan.kept.map(|_| KeptSteps::from(&start)),
+            at_kinks: AtKinks::default(),
             end: End::Finished,
             last: Output { instant: start.clone(), joints: Vec::new() },
         },
@@ -69,18 +72,11 @@ pub fn drive(
     driver.at_start(&start);
     scheme.over(plan.end - start.motion.t);
     driver.march(scheme, start, cancel, progress, counts)?;
+    driver.run.at_kinks = driver.kinks.map(Kinks::passed).unwrap_or_default();
     Ok(driver.run)
 }
 
-fn scaled(v: &[f64], scales: &[f64]) -> f64 {
-    v.iter().zip(scales).fold(0.0_f64, |s, (v, c)| {
-        let v = (v / c).abs();
-        if v > s || v.is_nan() { v } else { s }
-    })
-}
-
 impl Driver<'_, '_, '_> {
-    /// As `scaled_size`, but no number where an entry is none: such a step must not pass.
     fn scaled(&self, v: &[f64]) -> f64 {
         scaled(v, &self.scales)
     }
@@ -149,16 +145,18 @@ impl Driver<'_, '_, '_> {
             let finest = self.finest(&way);
             let active = active(&mut way.detour, scheme);
             let tried = active.step(self.eq, &way.here, aim.length, estimate, counts);
+            let at_kinks = Kinks::tried(&mut self.kinks, self.eq, (&way.here, &tried), aim.length);
             let (per_unit, patience) = (active.per_unit_step(), active.rate_time(aim.length));
             let (power, tolerance) = (active.power(), self.tolerance(active, aim.length));
             let noise = if per_unit { NOISE * self.eq.rounding(&way.here.motion) } else { 0.0 };
             let allowed = tolerance.max(finest).max(noise);
-            let going_on = match self.judged(tried, &way, (allowed, per_unit), (patience, power)) {
+            let going_on = match at_kinks.over(self.judged(tried, &way, (allowed, per_unit), (patience, power))) {
                 Verdict::Accepted(step, size, allowed) => {
                     self.accepted(&mut way, scheme, *step, (size, allowed), &aim, counts)?
                 }
                 Verdict::Rejected(factor, why) => self.rejected(&mut way, scheme, aim.length * factor, why, counts),
                 Verdict::Turned(part) => self.turned(&mut way, aim.length * part, counts),
+                Verdict::Kinked(part) => self.kinked(&mut way, scheme, aim.length * part, counts),
                 Verdict::Fatal(error) => {
                     self.stop(way.here.motion.t, error.to_string());
                     false
@@ -185,11 +183,14 @@ impl Driver<'_, '_, '_> {
                 first.unwrap_or_else(|| self.first_step(&here, rtol, scheme.order())).min(longest)
             }
         };
-        Way { here, h, failures: 0, after_rejection: false, detour: None, kinked: false, recent: 0.0 }
+        Way { here, h, failures: 0, after_rejection: false, detour: None, to_kink: None, kinked: false, recent: 0.0 }
     }
 
     /// The length of the next step, and what it ends at.
     fn aim(&self, way: &Way) -> Aim {
+        if let Some(length) = way.to_kink {
+            return Aim { length, target: None, broken: None };
+        }
         let t = way.here.motion.t;
         let (mut length, mut target) = self.fitted(&way.here, way.h);
         if let Some(until) = way.detour.as_ref().and_then(|d| d.end_within(t, length)) {
@@ -238,13 +239,14 @@ impl Driver<'_, '_, '_> {
         let patience = active.rate_time(aim.length);
         let tolerance = |e: &LocalError| self.size(e, self.speed, patience) / allowed;
         let next = match active.proposal(&tolerance) {
-            Some(factor) => self.proposed(way.h, aim.length, factor),
+            Some(factor) => self.plan.steps.proposed(way.h, aim.length, factor),
             None => {
                 let growth = if way.after_rejection { 1.0 } else { GROW };
-                self.next(way.h, aim.length, size, active.power(), growth)
+                self.plan.steps.next(way.h, aim.length, size, active.power(), growth)
             }
         };
         way.h = next;
+        way.to_kink = None;
         way.failures = 0;
         way.after_rejection = false;
         let faded = way.recent * (-FADING * aim.length / way.recent.max(aim.length)).exp();
@@ -260,6 +262,9 @@ impl Driver<'_, '_, '_> {
         }
         if seen == Seen::Turned {
             return Ok(self.cross_again(way, scheme, counts) || self.lost(&way.here, "the motion turned", counts));
+        }
+        if self.kinks.as_mut().is_some_and(|k| k.accept(self.eq, &way.here)) {
+            scheme.reset();
         }
         if let Some(t) = aim.broken {
             // rates of drives may jump: an impact
@@ -287,6 +292,8 @@ impl Driver<'_, '_, '_> {
         counts: &mut Counts,
     ) -> bool {
         let t = way.here.motion.t;
+        way.to_kink = None;
+        self.kinks.iter_mut().for_each(Kinks::give_up);
         self.run.rejected += 1;
         counts.add("rejected steps", 1);
         way.failures += 1;
@@ -386,11 +393,25 @@ impl Driver<'_, '_, '_> {
     fn turned(&mut self, way: &mut Way, shorter: f64, counts: &mut Counts) -> bool {
         let t = way.here.motion.t;
         counts.add("turns of sliders", 1);
+        way.to_kink = None;
+        self.kinks.iter_mut().for_each(Kinks::give_up);
         way.failures += 1;
         way.h = shorter;
         if self.vanishes(shorter, t) || way.failures > MAX_FAILURES {
             self.stop(t, "a slider turns again and again".into());
             return false;
+        }
+        true
+    }
+
+    /// Another step, of a length that may end at a kink.
+    fn kinked(&mut self, way: &mut Way, scheme: &mut dyn Scheme, length: f64, counts: &mut Counts) -> bool {
+        let t = way.here.motion.t;
+        counts.add("steps to kinks", 1);
+        way.to_kink = (!self.vanishes(length, t)).then_some(length);
+        if let (None, Some(kinks)) = (way.to_kink, &mut self.kinks) {
+            scheme.reset();
+            kinks.is_here(t);
         }
         true
     }
@@ -430,7 +451,10 @@ impl Driver<'_, '_, '_> {
 
     /// To the next multiple of the fixed step, or to a break or the end before it.
     fn on_grid(&self, t: f64, h: f64, grid: f64, target: f64, left: f64) -> (f64, Option<f64>) {
-        let next = self.start + grid * (((t - self.start) / grid + ON_GRID).floor() + 1.0);
+        let next = match &self.plan.ends {
+            Some(ends) => ends.iter().copied().find(|e| !self.vanishes(e - t, t)).unwrap_or(target),
+            None => self.start + grid * (((t - self.start) / grid + ON_GRID).floor() + 1.0),
+        };
         let cut = next >= target - SAME_LENGTH * grid;
         let aim = if cut { target } else { next };
         if h < (aim - t) * (1.0 - ON_GRID) {
@@ -525,25 +549,6 @@ impl Driver<'_, '_, '_> {
         };
         let worst = (0..self.scales.len()).max_by(|i, j| size(*i).total_cmp(&size(*j)));
         worst.map_or("", |i| &self.eq.topology().names[i])
-    }
-
-    /// The next step by a scheme's own proposal; one that was cut short for an output or the end says little.
-    fn proposed(&self, wanted: f64, length: f64, factor: f64) -> f64 {
-        let Steps::Controlled { longest, .. } = self.plan.steps else {
-            return self.plan.steps.longest();
-        };
-        let next = length * factor;
-        (if length < 0.5 * wanted { next.max(wanted * factor.min(1.0)) } else { next }).min(longest)
-    }
-
-    fn next(&self, wanted: f64, length: f64, size: f64, power: f64, growth: f64) -> f64 {
-        let Steps::Controlled { longest, .. } = self.plan.steps else {
-            return self.plan.steps.longest();
-        };
-        let factor = (SAFETY * size.max(f64::MIN_POSITIVE).powf(-1.0 / power)).clamp(SHRINK, growth);
-        let next = length * factor;
-        // a step that was cut short says little about longer ones
-        (if length < wanted { next.max(wanted * factor.min(1.0)) } else { next }).min(longest)
     }
 
     /// Outputs up to the end of the step, then the memory of the laws.

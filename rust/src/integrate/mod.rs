@@ -38,6 +38,7 @@ pub mod generalized_alpha;
 mod held_rates;
 pub mod interpolate;
 pub mod kept;
+pub mod kinks;
 pub mod methods;
 pub mod plan;
 pub mod radau;

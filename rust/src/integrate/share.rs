@@ -44,6 +44,8 @@ pub(super) fn share(
             breaks: plan.breaks.clone(),
             max_steps: plan.max_steps,
             kept: None,
+            to_kinks: plan.to_kinks,
+            ends: None,
             share: 1.0,
         };
         let run = drive(eq, scheme(steps).as_mut(), first.clone(), &plan, cancel, &Progress::default(), &mut work)?;
