@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -82,7 +81,7 @@ def prepare(
         times = grid(state.t, end, h, [*through, *breaks])
         if _core.motion_has_kinks(snapshot.system, list(without)):
             try:
-                times, smooth, missed = located(m, state, without, times, kind["scheme"])
+                times, smooth, missed = located(m, state, without, times, kind)
             except ConvergenceError as stopped:
                 missed = _stopped(m, stopped)
     else:
@@ -98,7 +97,7 @@ def prepare(
         run |= _as_method(kind)
         try:
             traj, made = to_be_differentiated(m, marks, **run)
-            kept, smooth, missed = made.get("kept"), made["smooth"], _missed(made)
+            kept, smooth, missed = made.get("kept"), made["smooth"], tuple(made["missed"])
         except ConvergenceError as stopped:
             run.pop("keep", None)
             traj, missed = simulate(m, marks, **run), _stopped(m, stopped)
@@ -108,26 +107,18 @@ def prepare(
         else:
             times = _with_marks(traj.steps, marks, kink_times(smooth))
     inner = any(isinstance(o, Integral) for o in objectives)
-    found: dict[str, Any] = {
-        "orders": orders,
-        "smooth": smooth,
-        "missed": missed,
-        "kept": kept,
-        "controlled": step is None,
-    }
+    found: dict[str, Any] = {"orders": orders, "smooth": smooth, "missed": missed, "kept": kept}
     return Run(m, snapshot, state, without, times, keep=keep, inner=inner, **found, **kind)
 
 
 def located(
-    m: Model, state: State, without: tuple[str, ...], times: np.ndarray, scheme: str
+    m: Model, state: State, without: tuple[str, ...], times: np.ndarray, kind: dict[str, Any]
 ) -> tuple[np.ndarray, list[Stretch], tuple[Kink, ...]]:
     """Steps between these times that end at kinks of laws as well, the stretches between kinks, and kinks at which none ends.
 
-    A method of high order finds them: the error of the gradient is that of its scheme alone.
+    The motion of the scheme itself is at its kinks there; that of "bdf", whose histories depend on all lengths, as far as it is accurate.
     """
-    method: dict[str, Any] = (
-        {"method": "explicit", "coordinates": "tree"} if scheme == "explicit" else {"method": "radau"}
-    )
+    method = {"method": "radau"} if kind["scheme"] == "bdf" else _as_method(kind)
     asked: dict[str, Any] = {
         "step": float(np.diff(times).max()),
         "ends": times.tolist(),
@@ -135,41 +126,19 @@ def located(
         "without": without,
     }
     traj, made = to_be_differentiated(m, float(times[-1]), **asked, **method)
-    return traj.steps, made["smooth"], _missed(made)
-
-
-def coarser(run: Run, kept: np.ndarray, orders: tuple[int, ...]) -> Run:
-    """The motion over those of its steps' ends that are kept, with kinks where longer steps find them."""
-    found = replace(run, times=run.times[kept], orders=orders, kept=None)
-    kinks = np.array(kink_times(run.smooth))
-    if not len(kinks):
-        return found
-    is_kink = np.isin(found.times, kinks)
-    try:
-        # steps that a tolerance chose are too long for an explicit method once they are twice as long
-        scheme = "radau" if run.controlled else run.scheme
-        times, smooth, _ = located(run.model, run.state, run.without, found.times[~is_kink], scheme)
-    except ConvergenceError:
-        return found
-    if not orders:
-        return replace(found, times=times, smooth=smooth)
-    # a history keeps its orders: its kinks move
-    moved = found.times.copy()
-    if len(smooth) == len(run.smooth):
-        moved[is_kink] = kink_times(smooth)
-    if len(smooth) != len(run.smooth) or np.any(np.diff(moved) <= 0.0):
-        return found
-    return replace(found, times=moved, smooth=smooth)
+    return traj.steps, made["smooth"], tuple(made["missed"])
 
 
 def _stopped(m: Model, error: ConvergenceError) -> tuple[Kink, ...]:
     """The one place at which a motion stopped because no step ended at a kink."""
     traj = error.result
-    return ((float(traj.t[-1]) if len(traj.t) else 0.0, m.name, "no step ends at a kink of one of its laws"),)
-
-
-def _missed(made: dict[str, Any]) -> tuple[Kink, ...]:
-    return tuple((t, name, "its force jumps, or has kinks without end") for t, name in made["missed"])
+    return (
+        (
+            float(traj.t[-1]) if traj is not None and len(traj.t) else 0.0,
+            m.name,
+            "no step ends at a kink of one of its laws",
+        ),
+    )
 
 
 def _scheme(snapshot: Snapshot, state: State, without: tuple[str, ...], end: float, step: float | None) -> str:

@@ -93,8 +93,6 @@ class Run:
     orders: Sequence[int] = ()
     # stretches between kinks of laws, at which steps end; none: no law has any
     smooth: Sequence[Stretch] = ()
-    # a tolerance chose the steps
-    controlled: bool = False
     # kinks within its steps
     missed: tuple[Kink, ...] = ()
     # the run that chose the times, where it kept its steps

@@ -44,7 +44,8 @@ pub(super) fn share(
             breaks: plan.breaks.clone(),
             max_steps: plan.max_steps,
             kept: None,
-            to_kinks: plan.to_kinks,
+            // as motions are made: what derivatives need costs time
+            to_kinks: false,
             ends: None,
             share: 1.0,
         };

@@ -100,3 +100,13 @@ pub(super) enum Verdict {
     Kinked(f64),
     Fatal(Error),
 }
+
+impl Verdict {
+    /// A shorter step may have no error.
+    pub fn of_error(error: Error) -> Self {
+        match error {
+            Error::Convergence { .. } | Error::Singular(_) => Verdict::Rejected(0.25, error.to_string()),
+            error => Verdict::Fatal(error),
+        }
+    }
+}

@@ -108,7 +108,7 @@ fn task<'py>(
         return Err(Error::model("the shifts of the start do not fit the directions").into());
     }
     let smooth = stretches(need(options, "smooth")?);
-    let breaks = breaks(system, &times, smooth.iter().map(|s| s.from));
+    let anew = breaks(system, &times, smooth.iter().skip(1).map(|s| s.from));
     Ok(Task {
         start: Motion {
             t: times.first().copied().unwrap_or(0.0),
@@ -117,8 +117,8 @@ fn task<'py>(
             memory: if memory.len() == n_memory { memory } else { system.topology.at_rest(&[]) },
         },
         plan: Plan {
-            kinds: kinds(rule, &times, &orders, &breaks)?,
-            breaks,
+            kinds: kinds(rule, &times, &orders, &anew)?,
+            breaks: system.kinks(times.first().copied().unwrap_or(0.0)),
             smooth,
             times,
             rule,
@@ -143,10 +143,10 @@ fn stretches(all: Vec<(f64, Vec<i8>)>) -> Vec<Smooth> {
     all.into_iter().map(smooth).collect()
 }
 
-/// Times at which schemes start anew.
+/// Times at which schemes start anew: breaks and kinks.
 fn breaks(system: &System, times: &[f64], kinks: impl Iterator<Item = f64>) -> Vec<f64> {
     let mut all = system.kinks(times.first().copied().unwrap_or(0.0));
-    all.extend(kinks.skip(1));
+    all.extend(kinks);
     all.sort_by(f64::total_cmp);
     all
 }
@@ -183,7 +183,7 @@ fn motion_quadrature(
     kinks: Vec<f64>,
 ) -> PyResult<(Vec<f64>, Vec<f64>)> {
     let rule = rule(scheme, 1.0, Weight::Tangent)?;
-    let breaks = breaks(&system.0, &times, [f64::NAN].into_iter().chain(kinks));
+    let breaks = breaks(&system.0, &times, kinks.into_iter());
     let kinds = kinds(rule, &times, &orders, &breaks)?;
     let fractions = rule.quadrature().inner.into_iter().map(|(c, _)| c).collect();
     Ok((rule.weights(&times, &kinds), fractions))
@@ -249,7 +249,7 @@ fn motion_is_explicit<'py>(
 #[pyfunction]
 fn motion_has_kinks(system: PyRef<'_, PySystem>, without: Vec<String>) -> PyResult<bool> {
     let system = &system.0;
-    Ok(!Equations::new(system, system.x.to_vec(), effects(&without)?).kink_owners().is_empty())
+    Ok(!Equations::new(system, system.x.to_vec(), effects(&without)?).sharp_kinks().is_empty())
 }
 
 /// Times after `start` at which a load or a drive is not smooth: a step ends there.

@@ -261,7 +261,7 @@ impl<'a> March<'a> {
 
     /// The scheme starts anew where a load, a drive or a law is not smooth: accelerations and multipliers of what follows.
     pub fn anew(&mut self, i: usize, end: &Here, counts: &mut Counts) -> Result<Option<Here>> {
-        if !self.plan.breaks.contains(&self.plan.times[i + 1]) {
+        if !self.plan.starts_anew(self.plan.times[i + 1]) {
             return Ok(None);
         }
         self.forget();

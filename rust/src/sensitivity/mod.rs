@@ -59,9 +59,9 @@ pub struct Plan {
     pub times: Vec<f64>,
     pub rule: Rule,
     pub follow: Follow,
-    /// times of steps after which the scheme starts anew, because a load or a drive is not smooth there
+    /// times of steps after which the scheme starts anew, because a load or a drive is not smooth there; what jumps belongs to what follows
     pub breaks: Vec<f64>,
-    /// stretches between kinks of laws, where steps end; empty: no law has any
+    /// stretches between kinks of laws, where steps end and the scheme starts anew; empty: no law has any
     pub smooth: Vec<Smooth>,
     /// how each step of "bdf" comes about
     pub kinds: Vec<Kind>,
@@ -124,6 +124,11 @@ impl Plan {
 
     pub fn n_steps(&self) -> usize {
         self.times.len() - 1
+    }
+
+    /// Does the scheme start anew at this time?
+    pub fn starts_anew(&self, t: f64) -> bool {
+        self.breaks.contains(&t) || self.smooth.iter().skip(1).any(|s| s.from == t)
     }
 
     /// The length of step i.
