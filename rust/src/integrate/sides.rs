@@ -421,9 +421,9 @@ impl<'e, 's> Sides<'e, 's> {
 
     /// Where it neither is beside a kink nor passes it, laws have no slope.
     fn say_where_it_rests(&mut self, now: &[f64], m: &Motion<f64>) {
-        for k in 0..self.sides.len() {
-            let rests =
-                self.is_undecided(k) && ![self.last[k], now[k]].iter().any(|d| self.is_beyond(k, *d, self.zero));
+        for (k, d) in now.iter().enumerate() {
+            let is_beyond = self.is_beyond(k, self.last[k], self.zero) || self.is_beyond(k, *d, self.zero);
+            let rests = self.is_undecided(k) && !is_beyond;
             if rests && self.eq.bends_at(m, &self.sides, k) {
                 self.ignored[k] = true;
                 self.miss(m.t, k, RESTS);
