@@ -55,6 +55,7 @@ __all__ = [
     "motion_air",
     "motion_breaks",
     "motion_directions",
+    "motion_has_kinks",
     "motion_is_explicit",
     "motion_of_element",
     "motion_of_joint",
@@ -249,6 +250,7 @@ def motion_breaks(system: System, start: float) -> list[float]: ...
 def motion_directions(
     system: System, q: _F1, rate: _F1, without: Sequence[str], options: dict[str, Any]
 ) -> dict[str, Any]: ...
+def motion_has_kinks(system: System, without: Sequence[str]) -> bool: ...
 def motion_is_explicit(
     system: System,
     q: _F1,
@@ -259,7 +261,7 @@ def motion_is_explicit(
     step: float | None = None,
 ) -> bool: ...
 def motion_quadrature(
-    system: System, scheme: str, times: list[float], orders: list[int]
+    system: System, scheme: str, times: list[float], orders: list[int], kinks: list[float]
 ) -> tuple[list[float], list[float]]: ...
 def motion_of_element(
     system: System, element: int, t: _F1, q: _F2, rate: _F2, memory: _F2, without: Sequence[str]

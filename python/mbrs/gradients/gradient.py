@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 import sys
 import time
 from collections.abc import Sequence
@@ -16,14 +17,16 @@ from .._lib.border import core_errors
 from .._lib.checks import choice, is_word, real_number, shown
 from .._lib.progress import Elapsed
 from .._lib.vetter import Derivative
-from ..errors import ModelError, NameNotFoundError
+from ..errors import ConvergenceError, ModelError, NameNotFoundError
 from ..model.addresses import target
 from ..model.directions import Directions, directions
+from ..motion.options import DEFAULT
 from ..motion.quantities import Names
 from ..motion.tangent import (
     RHO,
     Kink,
     Run,
+    kink_times,
     require_followed_guess,
     value_at,
     warn_of,
@@ -43,6 +46,10 @@ if TYPE_CHECKING:
 _ORDERS = {"explicit": 7, "radau": 5, "bdf": 4, "ali3p": 2, "generalized-alpha": 2}
 # gradients of two step sizes that differ by more than this (relative) have not begun to converge
 _UNRELATED = 0.3
+# a tolerance over one whose motion errs by less than half as much, of any order
+_STRICTER = 16.0
+# a tolerance beside rounding
+_FINEST = 1e-13
 METHODS = ("direct", "adjoint", "auto")
 SCHEMES = ("explicit", "radau", "bdf", "ali3p", "generalized-alpha")
 _READINGS = 20
@@ -104,7 +111,8 @@ def gradient(
     t
         s; the end of the motion. Zero length is allowed: the start alone.
     step, rtol
-        s, fixed steps (equal, at most so long, ending at t); or a tolerance that chooses them first. 1e-7 if neither is given.
+        s, fixed steps (equal, at most so long, ending at t and at kinks of laws); or a tolerance that chooses them first. 1e-7 if
+        neither is given.
     scheme
         "explicit" (order 8, for scenes that are not stiff), "radau" (order 5, for stiff scenes), "bdf" (orders 1 to 5, order
         4 with ``step``, for stiff scenes), "ali3p" or "generalized-alpha"
@@ -146,7 +154,7 @@ def gradient(
     Warns
     -----
     KinkWarning
-        A motion that passes kinks of forces, with times and elements (``.kinks``).
+        A motion that passes kinks of forces at which no step ends, with times and elements (``.kinks``).
     MbrsWarning
         A motion that is very sensitive to the parameters over this time span (``.growth``).
 
@@ -178,7 +186,7 @@ def gradient(
     require_followed_guess(run, along)
     chosen = ("adjoint" if along.n > 8 * len(objectives) else "direct") if method == "auto" else method
     found = _gradients(run, objectives, along, chosen)
-    kinks, gradients = found.kinks, found.gradients
+    kinks, gradients = (*found.kinks, *run.missed), found.gradients
     warn_of(kinks)
     shaped = along.shaped(gradients if many else gradients[0])
     made = MotionGradient(
@@ -191,7 +199,7 @@ def gradient(
         method=chosen,
         kinks=kinks,
         status="kinks" if kinks else "converged",
-        error=lambda g: _estimated(g, run, objectives, along),
+        error=lambda g: _estimated(g, run, objectives, along, step, rtol),
         stats=Stats(
             time.perf_counter() - begin,
             found.counts,
@@ -214,23 +222,55 @@ def _with_growth(made: MotionGradient, read: np.ndarray) -> MotionGradient:
     return made.replaced(growth=growth)
 
 
-def _estimated(made: MotionGradient, run: Run, objectives: Sequence[Objective], along: Directions) -> float | None:
-    """The difference to steps twice as long, by the order of the scheme; of order one where it passes kinks."""
+def _estimated(
+    made: MotionGradient,
+    run: Run,
+    objectives: Sequence[Objective],
+    along: Directions,
+    step: float | None,
+    rtol: float | None,
+) -> float | None:
+    """The difference to steps twice as long, by the order of the scheme; to a finer motion where steps end at kinks.
+
+    Between two kinks there may be one step alone, which none is twice as long as.
+    """
     m = run.model
     if len(run.times) < 3 or run.snapshot.versions != (m.structure_version, m.values_version):
         return None
+    if kink_times(run.smooth):
+        try:
+            # of order one, half of the error is left with half the step
+            return 2.0 * _apart(made, _finer(run, objectives, step, rtol), objectives, along)
+        except ConvergenceError:
+            return math.inf
     marks = [*(x for o in objectives for x in o.times), *_core.motion_breaks(run.snapshot.system, float(run.times[0]))]
     kept = np.isin(run.times, marks)
     kept[::2] = kept[-1] = True
-    coarse_run = replace(run, times=run.times[kept], orders=_of_pairs(run.orders, kept))
-    other = _gradients(coarse_run, objectives, along, made.method).gradients
-    fine, coarse = effects_of(made, made.gradient), effects_of(made, other)
-    size = np.abs(fine).max(axis=1)
-    miss = np.abs(coarse - fine).max(axis=1)
-    found = float(np.max(miss[size > 0.0] / size[size > 0.0], initial=0.0))
+    coarse = replace(run, times=run.times[kept], orders=_of_pairs(run.orders, kept), kept=None)
+    found = _apart(made, coarse, objectives, along)
     # too far apart for an order to show: the difference itself is what is known
     order = float(np.median(np.abs(run.orders))) if len(run.orders) else _ORDERS[run.scheme]
     return found if made.kinks or found > _UNRELATED else found / (2.0**order - 1.0)
+
+
+def _finer(run: Run, objectives: Sequence[Objective], step: float | None, rtol: float | None) -> Run:
+    """The motion by steps half as long, or by a smaller tolerance; beside rounding by a larger one."""
+    if step is None:
+        given = DEFAULT if rtol is None else rtol
+        rtol = given / _STRICTER if given > _STRICTER * _FINEST else given * _STRICTER
+    else:
+        step = 0.5 * step
+    kind = {"scheme": run.scheme, "weight": run.weight, "rho": run.rho}
+    return prepare(run.model, objectives, run.times[-1], step, rtol, run.state, run.without, run.keep, **kind)
+
+
+def _apart(made: MotionGradient, other: Run, objectives: Sequence[Objective], along: Directions) -> float:
+    """The distance from the gradient of other steps, over the largest effect of a parameter."""
+    gradients = _gradients(other, objectives, along, made.method).gradients
+    own, others = effects_of(made, made.gradient), effects_of(made, gradients)
+    size = np.abs(own).max(axis=1)
+    miss = np.abs(others - own).max(axis=1)
+    return float(np.max(miss[size > 0.0] / size[size > 0.0], initial=0.0))
 
 
 def _of_pairs(orders: Sequence[int], kept: np.ndarray) -> tuple[int, ...]:

@@ -38,16 +38,16 @@ class MotionGradient(Result):
     method
         "direct" or "adjoint".
     kinks
-        ``(t, element, what)`` of places that the motion passed where a force has a kink (a gap that closes or opens, a slider
-        that begins or ceases to slide, friction that changes its sign within a step): it is not differentiable there. The
-        gradient ignores them and is first-order accurate there; ``status`` is then "kinks" instead of "converged".
+        ``(t, element, what)`` of kinks of forces at which no step ended (a slider that begins or ceases to slide, friction that
+        changes its sign within a step, a force that jumps): the gradient ignores them and is first-order accurate there; ``status`` is then
+        "kinks" instead of "converged".
     growth
         How many times larger the relative changes of what the objectives read are than those of the parameters, at most. It grows
         without bound where a motion is chaotic; from 1e4 on there is a warning.
     error
-        Estimated distance from the gradient of the continuous motion, by a second run with steps twice as long (made when first
-        asked for): the largest difference of an effect of a parameter's own size, relative to the largest effect. None for less
-        than two steps, and after the model was changed.
+        Estimated distance from the gradient of the continuous motion, by a second run with steps twice as long, or shorter ones where
+        steps end at kinks (made when first asked for): the largest difference of an effect of a parameter's own size, relative to the
+        largest effect. None for less than two steps, and after the model was changed.
     """
 
     value: Any

@@ -10,12 +10,15 @@ import numpy as np
 from .. import _core
 from .._lib.border import core_errors
 from .._lib.checks import positive, real_number
-from ..errors import ModelError
+from ..errors import ConvergenceError, ModelError
 from ..motion.options import DEFAULT, require_room
-from ..motion.simulate import kept_motion, simulate
+from ..motion.simulate import simulate, to_be_differentiated
 from ..motion.tangent import (
+    Kink,
     Run,
+    Stretch,
     grid,
+    kink_times,
     least_gap,
     require_exact_tangents,
 )
@@ -60,6 +63,8 @@ def prepare(
         kind["scheme"] = _scheme(snapshot, state, without, end, step)
     orders: tuple[int, ...] = ()
     kept: _core.KeptMotion | None = None
+    smooth: list[Stretch] = []
+    missed: tuple[Kink, ...] = ()
     if end == state.t:
         times = np.array([end])
     elif step is not None:
@@ -74,6 +79,11 @@ def prepare(
         )
         breaks = _core.motion_breaks(snapshot.system, state.t)
         times = grid(state.t, end, h, [*through, *breaks])
+        if _core.motion_has_kinks(snapshot.system, list(without)):
+            try:
+                times, smooth, missed = located(m, state, without, times, kind)
+            except ConvergenceError as stopped:
+                missed = _stopped(m, stopped)
     else:
         marks = np.array(sorted({*(x for x in through if x > state.t), end}))
         run: dict[str, Any] = {"rtol": DEFAULT if rtol is None else rtol, "at": state, "without": without}
@@ -83,16 +93,52 @@ def prepare(
             run["max_step"] = 0.9 * float(np.diff(marks).min())
         if kind["scheme"] in ("radau", "bdf") and len(marks) == 1:
             # no step has to move
-            traj, kept = kept_motion(m, marks, keep, **run, **_as_method(kind))
-        else:
-            traj = simulate(m, marks, **run, **_as_method(kind))
+            run["keep"] = keep
+        run |= _as_method(kind)
+        try:
+            traj, made = to_be_differentiated(m, marks, **run)
+            kept, smooth, missed = made.get("kept"), made["smooth"], tuple(made["missed"])
+        except ConvergenceError as stopped:
+            run.pop("keep", None)
+            traj, missed = simulate(m, marks, **run), _stopped(m, stopped)
         if multistep:
-            breaks = _core.motion_breaks(snapshot.system, state.t)
+            breaks = [*_core.motion_breaks(snapshot.system, state.t), *kink_times(smooth)]
             times, orders = _drawn_to(traj.steps, traj.orders, marks, breaks, slack)
         else:
-            times = _with_marks(traj.steps, marks)
+            times = _with_marks(traj.steps, marks, kink_times(smooth))
     inner = any(isinstance(o, Integral) for o in objectives)
-    return Run(m, snapshot, state, without, times, keep=keep, inner=inner, orders=orders, kept=kept, **kind)
+    found: dict[str, Any] = {"orders": orders, "smooth": smooth, "missed": missed, "kept": kept}
+    return Run(m, snapshot, state, without, times, keep=keep, inner=inner, **found, **kind)
+
+
+def located(
+    m: Model, state: State, without: tuple[str, ...], times: np.ndarray, kind: dict[str, Any]
+) -> tuple[np.ndarray, list[Stretch], tuple[Kink, ...]]:
+    """Steps between these times that end at kinks of laws as well, the stretches between kinks, and kinks at which none ends.
+
+    The motion of the scheme itself is at its kinks there; that of "bdf", whose histories depend on all lengths, as far as it is accurate.
+    """
+    method = {"method": "radau"} if kind["scheme"] == "bdf" else _as_method(kind)
+    asked: dict[str, Any] = {
+        "step": float(np.diff(times).max()),
+        "ends": times.tolist(),
+        "at": state,
+        "without": without,
+    }
+    traj, made = to_be_differentiated(m, float(times[-1]), **asked, **method)
+    return traj.steps, made["smooth"], tuple(made["missed"])
+
+
+def _stopped(m: Model, error: ConvergenceError) -> tuple[Kink, ...]:
+    """The one place at which a motion stopped because no step ended at a kink."""
+    traj = error.result
+    return (
+        (
+            float(traj.t[-1]) if traj is not None and len(traj.t) else 0.0,
+            m.name,
+            "no step ends at a kink of one of its laws",
+        ),
+    )
 
 
 def _scheme(snapshot: Snapshot, state: State, without: tuple[str, ...], end: float, step: float | None) -> str:
@@ -108,11 +154,11 @@ def _scheme(snapshot: Snapshot, state: State, without: tuple[str, ...], end: flo
     return "radau" if step is None else "ali3p"
 
 
-def _with_marks(steps: np.ndarray, marks: np.ndarray) -> np.ndarray:
-    """Steps that end at the marks too; steps nearer to a mark than a hundredth of their length move to it."""
+def _with_marks(steps: np.ndarray, marks: np.ndarray, held: Sequence[float]) -> np.ndarray:
+    """Steps that end at the marks too; those nearer to a mark than a hundredth of their length move to it, unless they are held."""
     length = np.minimum(np.diff(steps, prepend=-np.inf), np.diff(steps, append=np.inf))
     far = np.abs(steps[:, None] - marks[None, :]).min(axis=1) > 0.01 * length
-    far[0] = True
+    far |= np.isin(steps, [steps[0], *held])
     return np.unique(np.concatenate([steps[far], marks]))
 
 

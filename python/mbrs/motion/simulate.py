@@ -5,7 +5,8 @@ from __future__ import annotations
 import functools
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
@@ -249,10 +250,18 @@ def simulate(
     return _of_model(m, t, without=without, **given, **of_models)[0]
 
 
-def kept_motion(m: Model, t: ArrayLike, keep: int, **asked: Any) -> tuple[Trajectory, _core.KeptMotion | None]:
-    """As `simulate`, by "radau" or "bdf" with steps by a tolerance that are solved to rounding; they are kept where they need at most
-    ``keep`` numbers and are all of the method."""
-    return _of_model(m, t, keep=keep, **asked)
+def to_be_differentiated(
+    m: Model, t: ArrayLike, *, ends: Sequence[float] | None = None, keep: int | None = None, **asked: Any
+) -> tuple[Trajectory, dict[str, Any]]:
+    """As `simulate`, and the numbers of the core, with steps that end at kinks of laws; fixed ones end at ``ends``.
+
+    With ``keep`` steps of "radau" or "bdf" by a tolerance are solved to rounding, and kept where they need at most so many numbers and
+    are all of the method.
+    """
+    special = (
+        {"to_kinks": 1.0} | ({} if ends is None else {"ends": list(ends)}) | ({} if keep is None else {"keep": keep})
+    )
+    return _of_model(m, t, special=special, **asked)
 
 
 def _of_model(
@@ -275,9 +284,9 @@ def _of_model(
     parameters: str | Sequence[str] | None = None,
     penalty: float | None = None,
     passes: int | None = None,
-    keep: int | None = None,
-) -> tuple[Trajectory, _core.KeptMotion | None]:
-    """A motion, and its steps where they are kept."""
+    special: Mapping[str, Any] = MappingProxyType({}),
+) -> tuple[Trajectory, dict[str, Any]]:
+    """A motion, and the numbers of the core; ``special``: further options for it."""
     start = time.perf_counter()
     without = effects_without(without)
     absolute = is_word(coordinates, ("absolute",))
@@ -291,9 +300,7 @@ def _of_model(
     options["method"] = variant(method, form, update, None if absolute else coordinates, order)
     refuse_order_nine(order, parameters)
     refuse_output_times(options, parameters)
-    served = with_served_tolerance(options, snapshot)
-    if keep is not None:
-        served |= {"keep": keep}
+    served = {**with_served_tolerance(options, snapshot), **special}
     made, snapshot, wake = _integrated(m, snapshot, state, without, served, absolute)
     traj = _trajectory(m, snapshot, made, without, time.perf_counter() - start, state, served, wake)
     if parameters is not None:
@@ -309,7 +316,7 @@ def _of_model(
             "the result of this error",
             traj,
         )
-    return traj, made.get("kept")
+    return traj, made
 
 
 def _integrated(

@@ -34,6 +34,8 @@ _ROUNDED = 1e-12
 RHO = 0.8
 # (t, element, what) of a kink that was passed.
 Kink = tuple[float, str, str]
+# (s, sides) of a stretch between kinks of laws: where it begins, and on which side of each kink the motion is in it
+Stretch = tuple[float, list[int]]
 # Part of a step that is not worth one of its own. Larger: steps are longer than asked for. Smaller: rounding makes splinters.
 _SPLINTER = 1e-9
 # Step of differences of the start, over the value of the parameter or the model's length. Larger: what bends is taken for what is wrong.
@@ -89,6 +91,10 @@ class Run:
     inner: bool = False
     # of the steps of "bdf", as a trajectory has them; none: of fixed steps
     orders: Sequence[int] = ()
+    # stretches between kinks of laws, at which steps end; none: no law has any
+    smooth: Sequence[Stretch] = ()
+    # kinks within its steps
+    missed: tuple[Kink, ...] = ()
     # the run that chose the times, where it kept its steps
     kept: _core.KeptMotion | None = None
 
@@ -97,7 +103,9 @@ class Run:
         """Instants at which quantities are read, with the weights of an integral."""
         t = self.times
         with core_errors():
-            found, inside = _core.motion_quadrature(self.snapshot.system, self.scheme, t.tolist(), list(self.orders))
+            found, inside = _core.motion_quadrature(
+                self.snapshot.system, self.scheme, t.tolist(), list(self.orders), kink_times(self.smooth)
+            )
         weights = np.array(found)
         if not (self.inner and inside):
             return Nodes(t, len(t), weights[: len(t)])
@@ -122,6 +130,7 @@ class Run:
             "read": self.read,
             "inner": self.inner,
             "kept": self.kept,
+            "smooth": list(self.smooth),
             "drawn": self.state.kind in ("drawn", "equilibrium"),
             "velocities": self.state.kind == "drawn",
             "quantities": list(asked),
@@ -155,6 +164,11 @@ class Run:
                 list(self.without),
                 self.options(asked, along),
             )
+
+
+def kink_times(smooth: Sequence[Stretch]) -> list[float]:
+    """Times of the kinks between stretches."""
+    return [t for t, _ in smooth[1:]]
 
 
 def grid(start: float, end: float, step: float, through: Sequence[float] = ()) -> np.ndarray:

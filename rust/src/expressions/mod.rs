@@ -7,6 +7,7 @@ mod op;
 
 use num_dual::Dual;
 
+use op::Branch;
 pub use op::Op;
 
 use crate::error::{Error, Result};
@@ -171,6 +172,29 @@ impl Program {
             return Err(i);
         }
         Ok(made)
+    }
+
+    /// The switches of its nodes at these values of all nodes, in the order of the nodes.
+    pub fn switches(&self, w: &[f64]) -> Vec<f64> {
+        let switch = |node: &Node| match node {
+            Node::Apply(op, args) => op.switch([0, 1, 2].map(|k: usize| w[args[k.min(op.arity() - 1)]])),
+            _ => None,
+        };
+        self.nodes.iter().filter_map(switch).collect()
+    }
+
+    /// The same program on one branch of each switch, smooth across its zero; switches without a side are left as they are.
+    pub fn on_branches(&self, above: &[Option<bool>]) -> Program {
+        let mut sides = above.iter();
+        let held = |node: &Node| {
+            let Node::Apply(op, args) = node else { return *node };
+            op.switch([0.0; 3]).and_then(|_| op.branch((*sides.next()?)?)).map_or(*node, |branch| match branch {
+                Branch::Argument(k) => Node::Power(args[k], 1.0),
+                Branch::Negative => Node::Apply(Op::Negative, *args),
+                Branch::Constant(c) => Node::Constant(c),
+            })
+        };
+        Program { nodes: self.nodes.iter().map(held).collect(), ..self.clone() }
     }
 
     /// Which inputs the results depend on, `n_inputs` of them.

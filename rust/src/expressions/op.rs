@@ -156,7 +156,38 @@ operations! {
     Where(3, "where", |x| if is_true(&x[0]) { x[1] } else { x[2] }, smooth),
 }
 
+/// What an operation is on one side of its switch.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Branch {
+    /// one of its arguments
+    Argument(usize),
+    Negative,
+    Constant(f64),
+}
+
 impl Op {
+    /// The number at whose zero the operation changes from one smooth branch to another, none of smooth ones.
+    pub fn switch(self, x: [f64; 3]) -> Option<f64> {
+        match self {
+            Op::Abs | Op::Sign => Some(x[0]),
+            Op::Maximum | Op::Minimum | Op::Less | Op::LessEqual => Some(x[0] - x[1]),
+            _ => None,
+        }
+    }
+
+    /// The branch above or below the zero of its switch.
+    pub fn branch(self, above: bool) -> Option<Branch> {
+        let one = |above: Branch, below: Branch, yes: bool| Some(if yes { above } else { below });
+        match self {
+            Op::Abs => one(Branch::Argument(0), Branch::Negative, above),
+            Op::Sign => one(Branch::Constant(1.0), Branch::Constant(-1.0), above),
+            Op::Maximum => one(Branch::Argument(0), Branch::Argument(1), above),
+            Op::Minimum => one(Branch::Argument(1), Branch::Argument(0), above),
+            Op::Less | Op::LessEqual => one(Branch::Constant(0.0), Branch::Constant(1.0), above),
+            _ => None,
+        }
+    }
+
     pub fn named(name: &str) -> Option<Op> {
         Op::ALL.iter().copied().find(|op| op.name() == name)
     }

@@ -6,33 +6,37 @@
 //! Y.-K. Wen, J. Eng. Mech. Div. ASCE 102 (1976) 249-263, with A = 1: the slope at z = 0 is k. z is a displacement and tends to
 //! (beta + gamma)^(-1/n). Stored energy and dissipation, which is not negative for beta >= |gamma|, after S. Erlicher and N. Point,
 //! C. R. Mecanique 332 (2004) 51-57.
-use super::law::{At, Crossing, Law, Scalar, State, Stored, Surface};
+use super::law::{At, Law, Scalar, Side, State, Stored, Surface};
 
 /// Parameters k, alpha, beta, gamma, n.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct BoucWen;
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct BoucWen {
+    rate: Side,
+    state: Side,
+}
 
 /// Steps of the way from rest to a displacement, over which z bends to its bound.
 const STEPS: usize = 256;
 /// Beyond this multiple of its bound z has reached it, to rounding, on the way from rest.
 const FAR: f64 = 40.0;
 
-fn absolute<D: Scalar>(x: D) -> D {
-    if x.re() < 0.0 { -x } else { x }
+fn absolute<D: Scalar>(x: D, side: Side) -> D {
+    if side.is_above(x.re() >= 0.0) { x } else { -x }
 }
 
-/// |z|^n, n >= 1; z = 0 has no logarithm.
-fn power<D: Scalar>(z: D, n: D) -> D {
-    match (z.re() == 0.0, n.re() == 1.0) {
-        (true, true) => z,
+/// |z|^n, n >= 1; zero has no logarithm, and beyond the side on which it is held there is none.
+fn power<D: Scalar>(z: D, n: D, side: Side) -> D {
+    let size = absolute(z, side);
+    match (size.re() <= 0.0, n.re() == 1.0) {
+        (true, true) => size,
         (true, false) => D::from(0.0),
-        _ => absolute(z).powd(n),
+        _ => size.powd(n),
     }
 }
 
 impl Law for BoucWen {
     fn with(n: usize) -> Option<Self> {
-        (n == 5).then_some(BoucWen)
+        (n == 5).then(BoucWen::default)
     }
 
     fn n_params(&self) -> usize {
@@ -48,8 +52,9 @@ impl Law for BoucWen {
     }
 
     fn rate<D: Scalar>(&self, at: At<D>, p: &[D], z: &[D], rate: &mut [D]) {
-        let along = if z[0].re() < 0.0 { -absolute(at.v) } else { absolute(at.v) };
-        rate[0] = at.v - power(z[0], p[4]) * (p[2] * along + p[3] * at.v);
+        let speed = absolute(at.v, self.rate);
+        let along = if self.state.is_above(z[0].re() >= 0.0) { speed } else { -speed };
+        rate[0] = at.v - power(z[0], p[4], self.state) * (p[2] * along + p[3] * at.v);
     }
 
     /// The curve of first loading, dz/du = 1 - (beta + gamma) z^n of |u| by the method of order four.
@@ -61,8 +66,8 @@ impl Law for BoucWen {
             z[0] = if u.re() < 0.0 { -end } else { end };
             return;
         }
-        let h = absolute(u) / STEPS as f64;
-        let slope = |z: D| -(sum * power(z, p[4])) + 1.0;
+        let h = absolute(u, Side::Free) / STEPS as f64;
+        let slope = |z: D| -(sum * power(z, p[4], Side::Free)) + 1.0;
         let mut y = D::from(0.0);
         for _ in 0..STEPS {
             let a = slope(y);
@@ -88,6 +93,11 @@ impl Law for BoucWen {
     }
 
     fn surfaces(&self, _p: &[f64]) -> Vec<Surface> {
-        vec![Surface { crossing: Crossing::Rate, at: 0.0, width: 0.0, kink: false }]
+        vec![Surface::of_rate(), Surface::of_state()]
+    }
+
+    fn held(self, sides: &[Side]) -> Self {
+        let &[rate, state] = sides else { return self };
+        BoucWen { rate, state }
     }
 }

@@ -12,6 +12,8 @@ use crate::error::{Error, Result};
 use crate::expressions::Program;
 use crate::spatial::Real;
 
+use super::law::Side;
+
 /// Most coordinates of one law.
 pub const MOST: usize = 6;
 
@@ -23,6 +25,8 @@ pub struct FunctionLaw {
     m: usize,
     n_params: usize,
     body: Arc<Body>,
+    /// on one side of each kink
+    held: Option<Arc<Program>>,
     uses_rate: bool,
     uses_time: bool,
 }
@@ -54,7 +58,7 @@ impl FunctionLaw {
         let used = program.uses();
         let any = |from: usize, to: usize| (from..to).any(|k| used.get(k) == Some(&true));
         let (uses_time, uses_rate) = (any(0, 1), any(1 + m, 1 + 2 * m));
-        Ok(FunctionLaw { m, n_params, body: Arc::new(Body::Program(program)), uses_rate, uses_time })
+        Ok(FunctionLaw { m, n_params, body: Arc::new(Body::Program(program)), held: None, uses_rate, uses_time })
     }
 
     /// `call(t, u, v)` returns the m forces, m x m slopes by u and m x m slopes by v.
@@ -66,7 +70,7 @@ impl FunctionLaw {
             return Err(Error::model(format!("a law acts on up to {MOST} coordinates, not on {m}")));
         }
         let body = Body::External(External::new(call));
-        Ok(FunctionLaw { m, n_params: 0, body: Arc::new(body), uses_rate: true, uses_time: true })
+        Ok(FunctionLaw { m, n_params: 0, body: Arc::new(body), held: None, uses_rate: true, uses_time: true })
     }
 
     pub fn m(&self) -> usize {
@@ -102,11 +106,32 @@ impl FunctionLaw {
                     k if k <= 2 * m => v[k - 1 - m],
                     k => p[k - 1 - 2 * m],
                 };
-                program.evaluate(input, &mut out);
+                if let Some(held) = &self.held {
+                    held.evaluate(input, &mut out);
+                }
+                // a root or a power may have no value beyond its kink
+                if self.held.is_none() || out.iter().any(|f| !f.re().is_finite()) {
+                    program.evaluate(input, &mut out);
+                }
             }
             Body::External(external) => external.force(t, u, v, &mut out[..self.m]),
         }
         out
+    }
+
+    /// Signed distances from its kinks; one from outside knows none.
+    pub fn distances(&self, t: f64, u: &[f64], v: &[f64], p: &[f64]) -> Vec<f64> {
+        match &*self.body {
+            Body::Program(program) => program.switches(&program.values(&[&[t], u, v, p].concat())),
+            Body::External(_) => Vec::new(),
+        }
+    }
+
+    /// Held on these sides of its kinks, beyond them as far as it has values there.
+    pub fn held(&self, sides: &[Side]) -> FunctionLaw {
+        let Body::Program(program) = &*self.body else { return self.clone() };
+        let above: Vec<_> = sides.iter().map(|s| (*s != Side::Free).then_some(*s == Side::Above)).collect();
+        FunctionLaw { held: Some(Arc::new(program.on_branches(&above))), ..self.clone() }
     }
 
     /// Forces and slopes; those by the rate only where `rates`.

@@ -43,14 +43,63 @@ pub enum Stored {
     Unknown,
 }
 
-/// The coordinate that crosses a surface.
+/// What crosses a surface: u, v, or the first state.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Crossing {
     Displacement,
     Rate,
+    State,
 }
 
-/// Where a law (or the rate of its state) is not smooth: u or v passes the value `at`.
+/// On which side of a surface a law is held: it goes on smoothly across the surface. `Free`: on that where it is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Side {
+    #[default]
+    Free,
+    Below,
+    Above,
+}
+
+impl Side {
+    /// Above the surface; `here`: where it is.
+    pub fn is_above(self, here: bool) -> bool {
+        match self {
+            Side::Free => here,
+            Side::Above => true,
+            Side::Below => false,
+        }
+    }
+
+    /// Of a distance.
+    pub fn of(distance: f64) -> Side {
+        if distance > 0.0 {
+            Side::Above
+        } else if distance < 0.0 {
+            Side::Below
+        } else {
+            Side::Free
+        }
+    }
+
+    pub fn opposite(self) -> Side {
+        match self {
+            Side::Free => Side::Free,
+            Side::Above => Side::Below,
+            Side::Below => Side::Above,
+        }
+    }
+
+    /// Is the distance on the other side?
+    pub fn is_left_by(self, distance: f64) -> bool {
+        match self {
+            Side::Free => false,
+            Side::Above => distance < 0.0,
+            Side::Below => distance > 0.0,
+        }
+    }
+}
+
+/// Where a law (or the rate of its state) is not smooth: u, v or z passes the value `at`.
 #[derive(Debug, Clone, Copy)]
 pub struct Surface {
     pub crossing: Crossing,
@@ -70,11 +119,28 @@ impl Surface {
         Surface { crossing: Crossing::Displacement, at, width: 0.0, kink: false }
     }
 
-    /// Signed distance of a displacement and its rate.
-    pub fn distance(&self, u: f64, v: f64) -> f64 {
+    pub fn of_rate() -> Self {
+        Surface { crossing: Crossing::Rate, at: 0.0, width: 0.0, kink: false }
+    }
+
+    pub fn of_state() -> Self {
+        Surface { crossing: Crossing::State, ..Surface::of_rate() }
+    }
+
+    /// Signed distance of a displacement, its rate and the states.
+    pub fn distance(&self, u: f64, v: f64, z: &[f64]) -> f64 {
         match self.crossing {
             Crossing::Displacement => u - self.at,
             Crossing::Rate => v - self.at,
+            Crossing::State => z.first().map_or(0.0, |z| z - self.at),
+        }
+    }
+
+    /// A kink that no width rounds: steps that go over it lose their order.
+    pub fn is_sharp(&self) -> bool {
+        match self.crossing {
+            Crossing::Displacement => self.kink && (self.width == 0.0 || self.width.is_infinite()),
+            Crossing::Rate | Crossing::State => self.width == 0.0,
         }
     }
 }
@@ -137,5 +203,10 @@ pub trait Law: Copy + Debug {
 
     fn surfaces(&self, _p: &[f64]) -> Vec<Surface> {
         Vec::new()
+    }
+
+    /// Held on these sides of its sharp surfaces, in their order.
+    fn held(self, _sides: &[Side]) -> Self {
+        self
     }
 }

@@ -4,25 +4,27 @@
 //! f = s0 z + s1 z' + s2 v,    z' = v - s0 |v| z / g(v),    g = f_c + (f_s - f_c) exp(-(v / v_s)^2)
 //! ```
 //! C. Canudas de Wit, H. Olsson, K. J. Astrom, P. Lischinsky, IEEE Trans. Automatic Control 40 (1995) 419-425, eqs. 1 to 4.
-use super::law::{At, Class, Crossing, Law, Scalar, State, Stored, Surface};
+use super::law::{At, Class, Law, Scalar, Side, State, Stored, Surface};
 
 /// Parameters f_c, f_s, v_s, s0, s1, s2; z is the deflection of the bristles.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct LuGre;
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct LuGre {
+    rate: Side,
+}
 
 impl LuGre {
     /// z'
-    fn slip<D: Scalar>(v: D, p: &[D], z: D) -> D {
+    fn slip<D: Scalar>(self, v: D, p: &[D], z: D) -> D {
         let x = v / p[2];
         let bound = p[0] + (p[1] - p[0]) * (-(x * x)).exp();
-        let fast = if v.re() < 0.0 { -v } else { v };
+        let fast = if self.rate.is_above(v.re() >= 0.0) { v } else { -v };
         v - p[3] * fast * z / bound
     }
 }
 
 impl Law for LuGre {
     fn with(n: usize) -> Option<Self> {
-        (n == 6).then_some(LuGre)
+        (n == 6).then(LuGre::default)
     }
 
     fn n_params(&self) -> usize {
@@ -30,7 +32,7 @@ impl Law for LuGre {
     }
 
     fn force<D: Scalar>(&self, at: At<D>, p: &[D], z: &[D], _after: &mut [D]) -> D {
-        p[3] * z[0] + p[4] * LuGre::slip(at.v, p, z[0]) + p[5] * at.v
+        p[3] * z[0] + p[4] * self.slip(at.v, p, z[0]) + p[5] * at.v
     }
 
     fn state(&self) -> State {
@@ -38,7 +40,7 @@ impl Law for LuGre {
     }
 
     fn rate<D: Scalar>(&self, at: At<D>, p: &[D], z: &[D], rate: &mut [D]) {
-        rate[0] = LuGre::slip(at.v, p, z[0]);
+        rate[0] = self.slip(at.v, p, z[0]);
     }
 
     /// dz/du = 1 - s0 |z| / f_s at a small rate.
@@ -65,6 +67,10 @@ impl Law for LuGre {
     }
 
     fn surfaces(&self, _p: &[f64]) -> Vec<Surface> {
-        vec![Surface { crossing: Crossing::Rate, at: 0.0, width: 0.0, kink: false }]
+        vec![Surface::of_rate()]
+    }
+
+    fn held(self, sides: &[Side]) -> Self {
+        sides.first().map_or(self, |rate| LuGre { rate: *rate })
     }
 }

@@ -43,7 +43,7 @@ mod varying_stiffness;
 use num_dual::Dual;
 
 pub use function::{External, FunctionLaw};
-pub use law::{At, Class, Crossing, Scalar, State, Stored, Surface};
+pub use law::{At, Class, Crossing, Scalar, Side, State, Stored, Surface};
 
 use crate::error::{Error, Result};
 
@@ -100,6 +100,11 @@ macro_rules! laws {
 
             pub fn surfaces(&self, p: &[f64]) -> Vec<Surface> {
                 match self { $(AnyLaw::$name(law) => law.surfaces(p)),* }
+            }
+
+            /// Held on these sides of its sharp surfaces, in their order.
+            pub fn held(self, sides: &[Side]) -> Self {
+                match self { $(AnyLaw::$name(law) => AnyLaw::$name(law.held(sides))),* }
             }
 
             pub fn stored(&self, u: f64, p: &[f64], z: &[f64]) -> Stored {

@@ -1,19 +1,23 @@
 //! From instant to instant: steps of fixed or controlled length, output times, breaks, and what happened when it ends early.
-use crate::error::{Error, Result};
+mod lengths;
+
+use crate::error::Result;
+use crate::multibody::System;
 use crate::run::{Cancel, Counts};
 use crate::tolerances::motion::SAFETY;
 
 use super::detour::{Approach, Detour, Passage, again, passage};
 use super::kept::KeptSteps;
+use super::kinks::AtKinks;
+use super::sides::Sides;
 use super::watch::{Mark, Seen, Watch};
-use super::way::{Aim, Uncounted, Verdict, Way, active};
-use super::{Equations, Instant, LocalError, Motion, Scheme, Step, before_break};
+use super::way::{Aim, Uncounted, Verdict, Way, active, scaled};
+use super::{Equations, Instant, LocalError, Motion, Scheme, Step};
 use crate::tolerances::singular_poses::{FARTHEST_CROSSING, LATER, NEAREST_CROSSING};
-use crate::tolerances::steps::{FADING, FINEST_CROSSING, FROM_REST, ON_GRID, SAME_INSTANT, SAME_LENGTH};
+use crate::tolerances::steps::{AHEAD, FADING, FINEST_CROSSING, FROM_REST, SAME_INSTANT};
 
 pub use super::plan::{End, Output, Plan, Progress, Run, Steps};
 
-const SHRINK: f64 = 0.2;
 const GROW: f64 = 3.0;
 const MAX_FAILURES: usize = 60;
 /// Local errors of one step below so many times the rounding of a pose are rounding themselves, where only a part of the tolerance
@@ -33,6 +37,7 @@ struct Driver<'e, 's, 'p> {
     next_output: usize,
     uncounted: Uncounted<'e, 's>,
     watch: Watch,
+    sides: Option<Sides<'e, 's>>,
     run: Run,
 }
 
@@ -55,6 +60,7 @@ pub fn drive(
         next_output: 0,
         uncounted: Uncounted::new(eq),
         watch: Watch::new(eq, &start, counts),
+        sides: if plan.to_kinks { Sides::new(eq, &start, plan.steps.tolerance()) } else { None },
         run: Run {
             outputs: Vec::new(),
             steps: vec![start.motion.t],
@@ -62,6 +68,7 @@ pub fn drive(
             local: Vec::new(),
             rejected: 0,
             kept: plan.kept.map(|_| KeptSteps::from(&start)),
+            at_kinks: AtKinks::default(),
             end: End::Finished,
             last: Output { instant: start.clone(), joints: Vec::new() },
         },
@@ -69,18 +76,11 @@ pub fn drive(
     driver.at_start(&start);
     scheme.over(plan.end - start.motion.t);
     driver.march(scheme, start, cancel, progress, counts)?;
+    driver.run.at_kinks = driver.sides.map(Sides::passed).unwrap_or_default();
     Ok(driver.run)
 }
 
-fn scaled(v: &[f64], scales: &[f64]) -> f64 {
-    v.iter().zip(scales).fold(0.0_f64, |s, (v, c)| {
-        let v = (v / c).abs();
-        if v > s || v.is_nan() { v } else { s }
-    })
-}
-
 impl Driver<'_, '_, '_> {
-    /// As `scaled_size`, but no number where an entry is none: such a step must not pass.
     fn scaled(&self, v: &[f64]) -> f64 {
         scaled(v, &self.scales)
     }
@@ -103,13 +103,6 @@ impl Driver<'_, '_, '_> {
         self.run.outputs.push(Output { instant, joints });
     }
 
-    /// A length from the motion itself: a small turn, or a small change of the rates.
-    fn first_step(&self, start: &Instant, rtol: f64, order: u32) -> f64 {
-        let (v, a) = (self.scaled(&start.motion.rate), self.scaled(&start.acceleration));
-        let time = (1.0 / v.max(f64::MIN_POSITIVE)).min((1.0 / a.max(f64::MIN_POSITIVE)).sqrt());
-        time * rtol.powf(1.0 / f64::from(order + 1)) * 0.5
-    }
-
     fn march(
         &mut self,
         scheme: &mut dyn Scheme,
@@ -118,9 +111,36 @@ impl Driver<'_, '_, '_> {
         progress: &Progress,
         counts: &mut Counts,
     ) -> Result<()> {
+        let mut way = self.departure(scheme, start);
+        while self.stretch(&mut way, scheme, cancel, progress, counts)? {}
+        let joints = self.eq.joint_coordinates(&way.here.motion);
+        self.run.last = Output { instant: way.here, joints };
+        Ok(())
+    }
+
+    /// As far as laws are on one side of their kinks; true where the motion goes on from there.
+    fn stretch(
+        &mut self,
+        way: &mut Way,
+        scheme: &mut dyn Scheme,
+        cancel: &Cancel,
+        progress: &Progress,
+        counts: &mut Counts,
+    ) -> Result<bool> {
         let (t0, end) = (self.start, self.plan.end);
         let total = end - t0;
-        let mut way = self.departure(scheme, start);
+        let held = self.held(way, counts);
+        let held = held.as_ref().map(|system| Equations::new(system, self.eq.x.clone(), self.eq.effects));
+        let eq = held.as_ref().unwrap_or(self.eq);
+        if self.run.steps.len() > 1 && self.sides.is_some() {
+            match eq.instant(way.here.motion.clone(), counts) {
+                Ok(anew) => way.here = self.run.begun_anew(anew),
+                Err(error) => {
+                    self.stop(way.here.motion.t, error.to_string());
+                    return Ok(false);
+                }
+            }
+        }
         while !self.vanishes(end - way.here.motion.t, end) {
             if cancel.check().is_err() {
                 self.run.end = End::Interrupted;
@@ -143,22 +163,24 @@ impl Driver<'_, '_, '_> {
                 way.h = way.recent;
                 scheme.reset();
             }
-            self.look_ahead(&mut way, scheme, counts);
-            let aim = self.aim(&way);
+            self.look_ahead(way, scheme, counts);
+            let aim = self.aim(way);
             let estimate = self.controlled();
-            let finest = self.finest(&way);
+            let finest = self.finest(way);
             let active = active(&mut way.detour, scheme);
-            let tried = active.step(self.eq, &way.here, aim.length, estimate, counts);
+            let tried = active.step(eq, &way.here, aim.length, estimate, counts);
             let (per_unit, patience) = (active.per_unit_step(), active.rate_time(aim.length));
             let (power, tolerance) = (active.power(), self.tolerance(active, aim.length));
             let noise = if per_unit { NOISE * self.eq.rounding(&way.here.motion) } else { 0.0 };
             let allowed = tolerance.max(finest).max(noise);
-            let going_on = match self.judged(tried, &way, (allowed, per_unit), (patience, power)) {
+            let judged = self.judged(tried, way, (allowed, per_unit), (patience, power));
+            let going_on = match self.at_kinks(judged, eq, way, scheme, aim.length, counts) {
                 Verdict::Accepted(step, size, allowed) => {
-                    self.accepted(&mut way, scheme, *step, (size, allowed), &aim, counts)?
+                    self.accepted(eq, way, scheme, *step, (size, allowed), &aim, counts)?
                 }
-                Verdict::Rejected(factor, why) => self.rejected(&mut way, scheme, aim.length * factor, why, counts),
-                Verdict::Turned(part) => self.turned(&mut way, aim.length * part, counts),
+                Verdict::Rejected(factor, why) => self.rejected(way, scheme, aim.length * factor, why, counts),
+                Verdict::Turned(part) => self.turned(way, aim.length * part, counts),
+                Verdict::Kinked(part) => self.kinked(way, scheme, aim.length * part, counts),
                 Verdict::Fatal(error) => {
                     self.stop(way.here.motion.t, error.to_string());
                     false
@@ -168,45 +190,51 @@ impl Driver<'_, '_, '_> {
                 break;
             }
             progress.set((way.here.motion.t - t0) / total);
+            if self.sides.as_ref().is_some_and(Sides::have_changed) {
+                return Ok(true);
+            }
         }
-        let joints = self.eq.joint_coordinates(&way.here.motion);
-        self.run.last = Output { instant: way.here, joints };
-        Ok(())
+        Ok(false)
+    }
+
+    /// The system that holds from here on, where laws have kinks.
+    fn held(&mut self, way: &Way, counts: &mut Counts) -> Option<System> {
+        let total = self.plan.end - self.start;
+        let moment = AHEAD * self.first_step(&way.here, 1.0, 1).min(way.h).min(total);
+        let sides = self.sides.as_mut()?;
+        sides.look_ahead(&way.here, moment, counts);
+        Some(sides.held())
+    }
+
+    /// A step that is good enough may go over a kink, or end before one.
+    fn at_kinks(
+        &mut self,
+        judged: Verdict,
+        eq: &Equations<'_, f64>,
+        way: &mut Way,
+        scheme: &mut dyn Scheme,
+        h: f64,
+        counts: &mut Counts,
+    ) -> Verdict {
+        let (Verdict::Accepted(step, ..), Some(sides)) = (&judged, &mut self.sides) else { return judged };
+        let (active, here) = (active(&mut way.detour, scheme), &way.here);
+        let mut between = |fractions: &[f64]| active.between(eq, here, step, h, fractions, counts);
+        match sides.judge((here, &step.end), h, &mut between) {
+            Ok(None) => judged,
+            Ok(Some(part)) => Verdict::Kinked(part),
+            Err(error) => Verdict::of_error(error),
+        }
     }
 
     fn controlled(&self) -> bool {
         matches!(self.plan.steps, Steps::Controlled { .. })
     }
 
-    fn departure(&self, scheme: &dyn Scheme, here: Instant) -> Way {
-        let h = match self.plan.steps {
-            Steps::Fixed(h) => h,
-            Steps::Controlled { rtol, first, longest } => {
-                first.unwrap_or_else(|| self.first_step(&here, rtol, scheme.order())).min(longest)
-            }
-        };
-        Way { here, h, failures: 0, after_rejection: false, detour: None, kinked: false, recent: 0.0 }
-    }
-
-    /// The length of the next step, and what it ends at.
-    fn aim(&self, way: &Way) -> Aim {
-        let t = way.here.motion.t;
-        let (mut length, mut target) = self.fitted(&way.here, way.h);
-        if let Some(until) = way.detour.as_ref().and_then(|d| d.end_within(t, length)) {
-            (length, target) = (until - t, Some(until));
-        }
-        let end = self.plan.end;
-        let broken = target.filter(|t| *t < end && self.plan.breaks.contains(t));
-        if broken.is_some() {
-            length = before_break(length, self.start, end);
-            target = None;
-        }
-        Aim { length, target, broken }
-    }
-
     /// Goes on from the end of a step; false where that is impossible.
+    #[allow(clippy::too_many_arguments)]
     fn accepted(
         &mut self,
+        eq: &Equations<'_, f64>,
         way: &mut Way,
         scheme: &mut dyn Scheme,
         mut step: Step,
@@ -231,20 +259,21 @@ impl Driver<'_, '_, '_> {
         let memory = self.run.kept.as_ref().map(|_| step.end.motion.memory.clone());
         let active = active(&mut way.detour, scheme);
         way.kinked = active.per_unit_step() && self.eq.passes_kink(&way.here.motion, &step.end.motion);
-        self.record(active, &way.here, &mut step, aim.length, counts)?;
+        self.record(eq, active, &way.here, &mut step, aim.length, counts)?;
         self.run.formulas.push(active.formula());
-        active.accept(self.eq, &way.here, &step, aim.length);
+        active.accept(eq, &way.here, &step, aim.length);
         self.run.keep(active, &step, (memory, aim.length), self.plan.kept);
         let patience = active.rate_time(aim.length);
         let tolerance = |e: &LocalError| self.size(e, self.speed, patience) / allowed;
         let next = match active.proposal(&tolerance) {
-            Some(factor) => self.proposed(way.h, aim.length, factor),
+            Some(factor) => self.plan.steps.proposed(way.h, aim.length, factor),
             None => {
                 let growth = if way.after_rejection { 1.0 } else { GROW };
-                self.next(way.h, aim.length, size, active.power(), growth)
+                self.plan.steps.next(way.h, aim.length, size, active.power(), growth)
             }
         };
         way.h = next;
+        way.to_kink = None;
         way.failures = 0;
         way.after_rejection = false;
         let faded = way.recent * (-FADING * aim.length / way.recent.max(aim.length)).exp();
@@ -261,13 +290,22 @@ impl Driver<'_, '_, '_> {
         if seen == Seen::Turned {
             return Ok(self.cross_again(way, scheme, counts) || self.lost(&way.here, "the motion turned", counts));
         }
+        if let (Some(sides), None) = (&mut self.sides, aim.broken) {
+            sides.accept(&way.here);
+            if sides.have_changed() {
+                scheme.reset();
+            }
+        }
         if let Some(t) = aim.broken {
             // rates of drives may jump: an impact
             way.here.motion.t = t;
             scheme.reset();
             self.watch.forget();
             match self.eq.consistent(way.here.motion.clone(), counts) {
-                Ok(after) => way.here = self.run.begun_anew(after),
+                Ok(after) => {
+                    way.here = self.run.begun_anew(after);
+                    self.sides.iter_mut().for_each(|s| s.restart(&way.here));
+                }
                 Err(error) => {
                     self.stop(t, error.to_string());
                     return Ok(false);
@@ -287,6 +325,8 @@ impl Driver<'_, '_, '_> {
         counts: &mut Counts,
     ) -> bool {
         let t = way.here.motion.t;
+        way.to_kink = None;
+        self.sides.iter_mut().for_each(Sides::give_up);
         self.run.rejected += 1;
         counts.add("rejected steps", 1);
         way.failures += 1;
@@ -364,6 +404,7 @@ impl Driver<'_, '_, '_> {
         let passed = shore.pose_after();
         (way.here, way.h, way.failures, way.after_rejection) = (shore.instant, shore.h, 0, false);
         self.watch.return_to(self.eq, &way.here, counts);
+        self.sides.iter_mut().for_each(|s| s.return_to(&way.here));
         let ahead = self.eq.way_to_singular_pose(&way.here, self.watch.hold, 2.0 * passed, counts).unwrap_or(passed);
         let t = way.here.motion.t;
         way.detour = Some(Detour::of((t, ahead), ahead / gap, shore.h, self.watch.again));
@@ -386,11 +427,25 @@ impl Driver<'_, '_, '_> {
     fn turned(&mut self, way: &mut Way, shorter: f64, counts: &mut Counts) -> bool {
         let t = way.here.motion.t;
         counts.add("turns of sliders", 1);
+        way.to_kink = None;
+        self.sides.iter_mut().for_each(Sides::give_up);
         way.failures += 1;
         way.h = shorter;
         if self.vanishes(shorter, t) || way.failures > MAX_FAILURES {
             self.stop(t, "a slider turns again and again".into());
             return false;
+        }
+        true
+    }
+
+    /// Another step, of a length that may end at a kink.
+    fn kinked(&mut self, way: &mut Way, scheme: &mut dyn Scheme, length: f64, counts: &mut Counts) -> bool {
+        let t = way.here.motion.t;
+        counts.add("steps to kinks", 1);
+        way.to_kink = (!self.vanishes(length, t)).then_some(length);
+        if let (None, Some(sides)) = (way.to_kink, &mut self.sides) {
+            scheme.reset();
+            sides.is_here(&way.here);
         }
         true
     }
@@ -404,48 +459,6 @@ impl Driver<'_, '_, '_> {
         self.run.end = End::Stopped { t, message };
     }
 
-    /// The step that does not pass the end or a break, and the time it must hit exactly.
-    fn fitted(&self, here: &Instant, h: f64) -> (f64, Option<f64>) {
-        let t = here.motion.t;
-        let ahead = self.plan.breaks.iter().copied().find(|b| *b > t + SAME_INSTANT * self.plan.end.abs());
-        // what changes at a break must not change within the step that ends there
-        let (target, left) = match ahead.filter(|b| *b <= self.plan.end) {
-            // no step follows on a break that is the end but for rounding
-            Some(b) if self.vanishes(self.plan.end - b, b) => (self.plan.end, b - t - 4.0 * f64::EPSILON * b.abs()),
-            Some(b) => (b, b - t - 4.0 * f64::EPSILON * b.abs()),
-            None => (self.plan.end, self.plan.end - t),
-        };
-        if let Steps::Fixed(grid) = self.plan.steps {
-            return self.on_grid(t, h, grid, target, left);
-        }
-        if h >= left * (1.0 - SAME_LENGTH) {
-            (left, Some(target))
-        } else if h > 0.5 * left {
-            // two equal steps instead of one and a splinter
-            (0.5 * left, None)
-        } else {
-            (h, None)
-        }
-    }
-
-    /// To the next multiple of the fixed step, or to a break or the end before it.
-    fn on_grid(&self, t: f64, h: f64, grid: f64, target: f64, left: f64) -> (f64, Option<f64>) {
-        let next = self.start + grid * (((t - self.start) / grid + ON_GRID).floor() + 1.0);
-        let cut = next >= target - SAME_LENGTH * grid;
-        let aim = if cut { target } else { next };
-        if h < (aim - t) * (1.0 - ON_GRID) {
-            (h, None)
-        } else if cut && left < target - t {
-            // a whole step would end behind the break
-            (left, Some(aim))
-        } else if (aim - t - grid).abs() < SAME_LENGTH * grid {
-            // whole steps have one length, so that factorisations and histories stay
-            (grid, Some(aim))
-        } else {
-            (aim - t, Some(aim))
-        }
-    }
-
     /// `allowed`: local error of the step; `patience`, `power`: of the scheme
     fn judged(
         &self,
@@ -457,10 +470,7 @@ impl Driver<'_, '_, '_> {
         let here = &way.here;
         let step = match tried {
             Ok(step) => step,
-            Err(error @ (Error::Convergence { .. } | Error::Singular(_))) => {
-                return Verdict::Rejected(0.25, error.to_string());
-            }
-            Err(error) => return Verdict::Fatal(error),
+            Err(error) => return Verdict::of_error(error),
         };
         let Some(error) = &step.error else {
             return Verdict::Accepted(Box::new(step), 0.0, allowed);
@@ -527,35 +537,16 @@ impl Driver<'_, '_, '_> {
         worst.map_or("", |i| &self.eq.topology().names[i])
     }
 
-    /// The next step by a scheme's own proposal; one that was cut short for an output or the end says little.
-    fn proposed(&self, wanted: f64, length: f64, factor: f64) -> f64 {
-        let Steps::Controlled { longest, .. } = self.plan.steps else {
-            return self.plan.steps.longest();
-        };
-        let next = length * factor;
-        (if length < 0.5 * wanted { next.max(wanted * factor.min(1.0)) } else { next }).min(longest)
-    }
-
-    fn next(&self, wanted: f64, length: f64, size: f64, power: f64, growth: f64) -> f64 {
-        let Steps::Controlled { longest, .. } = self.plan.steps else {
-            return self.plan.steps.longest();
-        };
-        let factor = (SAFETY * size.max(f64::MIN_POSITIVE).powf(-1.0 / power)).clamp(SHRINK, growth);
-        let next = length * factor;
-        // a step that was cut short says little about longer ones
-        (if length < wanted { next.max(wanted * factor.min(1.0)) } else { next }).min(longest)
-    }
-
     /// Outputs up to the end of the step, then the memory of the laws.
     fn record(
         &mut self,
+        eq: &Equations<'_, f64>,
         scheme: &mut dyn Scheme,
         here: &Instant,
         step: &mut Step,
         h: f64,
         counts: &mut Counts,
     ) -> Result<()> {
-        let eq = self.eq;
         let end = step.end.motion.t;
         let mut inside = Vec::new();
         let mut at_end = 0;

@@ -257,7 +257,7 @@ impl Scheme for Explicit8 {
         let Some(ends) = self.end.take() else {
             return Ok(Vec::new());
         };
-        for stage in STAGES + 1..A.len() {
+        for stage in self.slopes.len()..A.len() {
             self.stage(eq, &from.motion, stage, h, counts)?;
         }
         let terms: Vec<_> = D.iter().map(|row| weighted(&self.slopes, row, h)).collect();

@@ -13,6 +13,7 @@
 //! | `consistent` | closing, projection of rates, accelerations and multipliers: all that makes an `Instant` |
 //! | `singular` | poses where rows lose rank |
 //! | `detour` | across them |
+//! | `kinks`, `sides` | steps that end at kinks of laws, and laws held on one side of them |
 //! | `watch` | whether the motion goes on behind them as it came |
 //! | `plan`, `driver`, `way` | fixed or controlled steps, output times, stops, detours |
 //! | `share` | how much of the tolerance a unit of time may have |
@@ -38,12 +39,14 @@ pub mod generalized_alpha;
 mod held_rates;
 pub mod interpolate;
 pub mod kept;
+pub mod kinks;
 pub mod methods;
 pub mod plan;
 pub mod radau;
 mod reversal;
 pub mod rotations;
 mod share;
+mod sides;
 mod singular;
 mod states;
 pub mod stiffness;

@@ -3,6 +3,11 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use super::Instant;
 use super::kept::KeptSteps;
+use super::kinks::AtKinks;
+use crate::tolerances::motion::SAFETY;
+
+/// The next step over the last one, at least.
+const SHRINK: f64 = 0.2;
 
 /// How steps are chosen.
 #[derive(Debug, Clone, Copy)]
@@ -17,6 +22,32 @@ pub enum Steps {
 }
 
 impl Steps {
+    pub(super) fn tolerance(&self) -> Option<f64> {
+        match self {
+            Steps::Fixed(_) => None,
+            Steps::Controlled { rtol, .. } => Some(*rtol),
+        }
+    }
+
+    /// The next step by a scheme's own proposal; one that was cut short for an output or the end says little.
+    pub(super) fn proposed(&self, wanted: f64, length: f64, factor: f64) -> f64 {
+        let Steps::Controlled { longest, .. } = *self else {
+            return self.longest();
+        };
+        let next = length * factor;
+        (if length < 0.5 * wanted { next.max(wanted * factor.min(1.0)) } else { next }).min(longest)
+    }
+
+    pub(super) fn next(&self, wanted: f64, length: f64, size: f64, power: f64, growth: f64) -> f64 {
+        let Steps::Controlled { longest, .. } = *self else {
+            return self.longest();
+        };
+        let factor = (SAFETY * size.max(f64::MIN_POSITIVE).powf(-1.0 / power)).clamp(SHRINK, growth);
+        let next = length * factor;
+        // a step that was cut short says little about longer ones
+        (if length < wanted { next.max(wanted * factor.min(1.0)) } else { next }).min(longest)
+    }
+
     pub(super) fn longest(&self) -> f64 {
         match self {
             Steps::Fixed(h) => *h,
@@ -35,6 +66,10 @@ pub struct Plan {
     pub max_steps: usize,
     /// steps are solved to rounding and kept, at most so many
     pub kept: Option<usize>,
+    /// steps end at kinks of laws
+    pub to_kinks: bool,
+    /// ends of fixed steps, in place of a grid
+    pub ends: Option<Vec<f64>>,
     /// how many tolerances the errors may add up to of schemes that hold that of a unit of time: where what they add up to does not
     /// last, the error of the motion is one (`share`)
     pub share: f64,
@@ -68,6 +103,8 @@ pub struct Run {
     pub rejected: usize,
     /// where they were asked for, and the scheme that was asked for made them all
     pub kept: Option<KeptSteps>,
+    /// where steps were to end at kinks of laws
+    pub at_kinks: AtKinks,
     pub end: End,
     pub last: Output,
 }

@@ -65,7 +65,10 @@ impl Equations<'_, f64> {
             c.laws.iter().filter(|l| kinky(l)).any(|l| {
                 let p = &self.x[l.x..l.x + l.law.n_params()];
                 let (u0, u1) = (start[l.component], end[l.component]);
-                if surfaces(l).iter().any(|s| (s.distance(u0.0, u0.1) > 0.0) != (s.distance(u1.0, u1.1) > 0.0)) {
+                if surfaces(l)
+                    .iter()
+                    .any(|s| (s.distance(u0.0, u0.1, &[]) > 0.0) != (s.distance(u1.0, u1.1, &[]) > 0.0))
+                {
                     return true;
                 }
                 if !l.law.has_map() {

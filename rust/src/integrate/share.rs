@@ -44,6 +44,9 @@ pub(super) fn share(
             breaks: plan.breaks.clone(),
             max_steps: plan.max_steps,
             kept: None,
+            // as motions are made: what derivatives need costs time
+            to_kinks: false,
+            ends: None,
             share: 1.0,
         };
         let run = drive(eq, scheme(steps).as_mut(), first.clone(), &plan, cancel, &Progress::default(), &mut work)?;

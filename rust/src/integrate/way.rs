@@ -15,6 +15,8 @@ pub(super) struct Way {
     pub failures: usize,
     pub after_rejection: bool,
     pub detour: Option<Detour>,
+    /// the length of the next step, which is to end at a kink of a law
+    pub to_kink: Option<f64>,
     /// the last step passed a kink of a law
     pub kinked: bool,
     /// the longest step of late, fading with time: shrinking steps do not hide what they shrink from
@@ -65,6 +67,14 @@ impl<'e, 's> Uncounted<'e, 's> {
     }
 }
 
+/// As `scaled_size`, but no number where an entry is none: such a step must not pass.
+pub(super) fn scaled(v: &[f64], scales: &[f64]) -> f64 {
+    v.iter().zip(scales).fold(0.0_f64, |s, (v, c)| {
+        let v = (v / c).abs();
+        if v > s || v.is_nan() { v } else { s }
+    })
+}
+
 /// A step to try: its length, the time it hits exactly, the break it ends at.
 pub(super) struct Aim {
     pub length: f64,
@@ -86,5 +96,17 @@ pub(super) enum Verdict {
     Rejected(f64, String),
     /// a slider turns after this part of the step
     Turned(f64),
+    /// a step over a kink of a law: the length of another over its own
+    Kinked(f64),
     Fatal(Error),
+}
+
+impl Verdict {
+    /// A shorter step may have no error.
+    pub fn of_error(error: Error) -> Self {
+        match error {
+            Error::Convergence { .. } | Error::Singular(_) => Verdict::Rejected(0.25, error.to_string()),
+            error => Verdict::Fatal(error),
+        }
+    }
 }

@@ -82,7 +82,7 @@ impl ConstraintRow {
     }
 }
 
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Owner {
     Element(usize),
     Joint(usize),
@@ -173,7 +173,7 @@ pub struct Modal {
     pub size: Vec<f64>,
 }
 
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub struct Topology {
     pub tables: Tables,
     pub nodes: Vec<Node>,

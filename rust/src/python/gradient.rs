@@ -6,8 +6,10 @@ use pyo3::types::PyDict;
 use std::sync::Arc;
 
 use crate::error::{Error, Result};
+use crate::force::Side;
 use crate::integrate::ali3p::Weight;
 use crate::integrate::bdf::record::{Kind, RATES, START};
+use crate::integrate::kinks::Smooth;
 use crate::integrate::methods::explicit_serves;
 use crate::integrate::{Equations, Instant, Motion};
 use crate::multibody::System;
@@ -17,6 +19,7 @@ use crate::sensitivity::direct::{Sensitivities, direct};
 use crate::sensitivity::kinks::{Kink, no_impact};
 use crate::sensitivity::march::{KeptMotion, Rule};
 use crate::sensitivity::quantity::{Drawn, Quantity, check};
+use crate::sensitivity::stretches::{Stretches, systems};
 use crate::sensitivity::{Direction, Follow, Plan, first};
 
 use super::border::{counts_dict, interruptible};
@@ -26,6 +29,7 @@ pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<MotionForward>()?;
     module.add_class::<PyKeptMotion>()?;
     module.add_function(wrap_pyfunction!(motion_breaks, module)?)?;
+    module.add_function(wrap_pyfunction!(motion_has_kinks, module)?)?;
     module.add_function(wrap_pyfunction!(motion_quadrature, module)?)?;
     module.add_function(wrap_pyfunction!(motion_is_explicit, module)?)?;
     module.add_function(wrap_pyfunction!(motion_directions, module)?)
@@ -103,6 +107,8 @@ fn task<'py>(
     if !shift.is_empty() && (shift.len() != pairs.len() || shift.iter().any(|s| s.len() != system.n_tree())) {
         return Err(Error::model("the shifts of the start do not fit the directions").into());
     }
+    let smooth = stretches(need(options, "smooth")?);
+    let anew = breaks(system, &times, smooth.iter().skip(1).map(|s| s.from));
     Ok(Task {
         start: Motion {
             t: times.first().copied().unwrap_or(0.0),
@@ -111,8 +117,9 @@ fn task<'py>(
             memory: if memory.len() == n_memory { memory } else { system.topology.at_rest(&[]) },
         },
         plan: Plan {
+            kinds: kinds(rule, &times, &orders, &anew)?,
             breaks: system.kinks(times.first().copied().unwrap_or(0.0)),
-            kinds: kinds(system, rule, &times, &orders)?,
+            smooth,
             times,
             rule,
             keep: need(options, "keep")?,
@@ -125,6 +132,23 @@ fn task<'py>(
         directions: pairs.into_iter().map(|(i, v)| i.into_iter().zip(v).collect()).collect(),
         effects: effects(without)?.with_exact_tangents(),
     })
+}
+
+/// (start, sides: -1, 0, 1) of each stretch between kinks of laws.
+fn stretches(all: Vec<(f64, Vec<i8>)>) -> Vec<Smooth> {
+    let smooth = |(from, sides): (f64, Vec<i8>)| {
+        let sides = sides.into_iter().map(|s| Side::of(f64::from(s))).collect();
+        Smooth { from, sides }
+    };
+    all.into_iter().map(smooth).collect()
+}
+
+/// Times at which schemes start anew: breaks and kinks.
+fn breaks(system: &System, times: &[f64], kinks: impl Iterator<Item = f64>) -> Vec<f64> {
+    let mut all = system.kinks(times.first().copied().unwrap_or(0.0));
+    all.extend(kinks);
+    all.sort_by(f64::total_cmp);
+    all
 }
 
 /// The run that chose the steps, where it kept them.
@@ -156,9 +180,11 @@ fn motion_quadrature(
     scheme: &str,
     times: Vec<f64>,
     orders: Vec<i32>,
+    kinks: Vec<f64>,
 ) -> PyResult<(Vec<f64>, Vec<f64>)> {
     let rule = rule(scheme, 1.0, Weight::Tangent)?;
-    let kinds = kinds(&system.0, rule, &times, &orders)?;
+    let breaks = breaks(&system.0, &times, kinks.into_iter());
+    let kinds = kinds(rule, &times, &orders, &breaks)?;
     let fractions = rule.quadrature().inner.into_iter().map(|(c, _)| c).collect();
     Ok((rule.weights(&times, &kinds), fractions))
 }
@@ -175,19 +201,18 @@ fn rule(scheme: &str, rho: f64, weight: Weight) -> Result<Rule> {
 }
 
 /// How each step of "bdf" comes about.
-fn kinds(system: &System, rule: Rule, times: &[f64], orders: &[i32]) -> Result<Vec<Kind>> {
+fn kinds(rule: Rule, times: &[f64], orders: &[i32], breaks: &[f64]) -> Result<Vec<Kind>> {
     if !matches!(rule, Rule::Bdf) || times.len() < 2 {
         return Ok(Vec::new());
     }
     // those of fixed steps follow from their lengths
     if orders.first().is_none_or(|o| *o == START) {
-        return Ok(Kind::fixed(times, &system.kinks(times[0])));
+        return Ok(Kind::fixed(times, breaks));
     }
     let all: Vec<Kind> = orders.iter().map(|o| Kind::of(*o)).collect();
     if all.len() + 1 != times.len() {
         return Err(Error::model(format!("bdf has {} orders for {} steps", all.len(), times.len() - 1)));
     }
-    let breaks = system.kinks(times[0]);
     let bare = |i: &usize| *i == 0 || breaks.contains(&times[*i]) || all[*i - 1] == Kind::Start;
     match (0..all.len()).find(|i| bare(i) && matches!(all[*i], Kind::Goes(_))) {
         None => Ok(all),
@@ -218,6 +243,13 @@ fn motion_is_explicit<'py>(
     let start = Motion { t: span.0, q: state.q, rate: state.rate, memory };
     let eq = Equations::new(system, system.x.to_vec(), effects(&without)?);
     Ok(explicit_serves(&eq, start, span.1, step, &mut Counts::default())?)
+}
+
+/// Have laws sharp kinks, at which the steps of a motion that is differentiated end?
+#[pyfunction]
+fn motion_has_kinks(system: PyRef<'_, PySystem>, without: Vec<String>) -> PyResult<bool> {
+    let system = &system.0;
+    Ok(!Equations::new(system, system.x.to_vec(), effects(&without)?).sharp_kinks().is_empty())
 }
 
 /// Times after `start` at which a load or a drive is not smooth: a step ends there.
@@ -258,9 +290,10 @@ fn motion_directions<'py>(
     let (found, counts): (Sensitivities, Counts) = interruptible(py, move |cancel| {
         let system = &system;
         let mut counts = Counts::default();
-        let eq = Equations::new(system, system.x.to_vec(), task.effects);
-        let start = begin(&eq, &task, &mut counts)?;
-        let found = direct(&eq, start, &task.plan, &task.wanted, &task.directions, cancel, &mut counts)?;
+        let systems = systems(system, task.effects, &task.plan.smooth);
+        let eqs = Stretches::new(&systems, task.effects, &task.plan.smooth);
+        let start = begin(eqs.first(), &task, &mut counts)?;
+        let found = direct(&eqs, start, &task.plan, &task.wanted, &task.directions, cancel, &mut counts)?;
         Ok((found, counts))
     })?;
     let out = PyDict::new(py);
@@ -307,9 +340,10 @@ impl MotionForward {
         let inner = system.clone();
         let (run, counts) = interruptible(py, move |cancel| {
             let mut counts = Counts::default();
-            let eq = Equations::new(&inner, inner.x.to_vec(), own.effects);
-            let start = begin(&eq, &own, &mut counts)?;
-            let run = forward(&eq, start, &own.plan, &own.wanted, cancel, &mut counts)?;
+            let systems = systems(&inner, own.effects, &own.plan.smooth);
+            let eqs = Stretches::new(&systems, own.effects, &own.plan.smooth);
+            let start = begin(eqs.first(), &own, &mut counts)?;
+            let run = forward(&eqs, start, &own.plan, &own.wanted, cancel, &mut counts)?;
             Ok((run, counts))
         })?;
         Ok(MotionForward { system, task, run: Arc::new(run), counts })
@@ -345,8 +379,9 @@ impl MotionForward {
         let seeds: Vec<f64> = seeds.iter().copied().collect();
         let (found, counts) = interruptible(py, move |cancel| {
             let mut counts = Counts::default();
-            let eq = Equations::new(&system, system.x.to_vec(), task.effects);
-            let found = backward(&eq, &run, &task.plan, &task.wanted, &seeds, &task.directions, cancel, &mut counts)?;
+            let systems = systems(&system, task.effects, &task.plan.smooth);
+            let eqs = Stretches::new(&systems, task.effects, &task.plan.smooth);
+            let found = backward(&eqs, &run, &task.plan, &task.wanted, &seeds, &task.directions, cancel, &mut counts)?;
             Ok((found, counts))
         })?;
         Ok((found.into_pyarray(py), counts_dict(py, &counts)?))

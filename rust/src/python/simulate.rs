@@ -9,6 +9,7 @@ use pyo3::types::{PyDict, PyList};
 use crate::aero::section::{Flow, Place, column};
 use crate::constraint::loops::Loops;
 use crate::error::{Error, Result};
+use crate::force::Side;
 use crate::integrate::augmented::Penalty;
 use crate::integrate::driver::{End, Output, Plan, Progress, Run, Steps};
 use crate::integrate::methods::{Method, simulate};
@@ -64,6 +65,8 @@ fn plan(options: &Bound<'_, PyDict>) -> PyResult<Plan> {
         breaks: numbers(options, "breaks")?.unwrap_or_default(),
         max_steps: number(options, "max_steps")?.map_or(usize::MAX, |n| n as usize),
         kept: None,
+        to_kinks: number(options, "to_kinks")?.is_some(),
+        ends: numbers(options, "ends")?,
         share: 1.0,
     })
 }
@@ -169,6 +172,14 @@ fn put_run<'py>(py: Python<'py>, run: &Run) -> PyResult<Bound<'py, PyDict>> {
     out.set_item("orders", run.formulas.clone().into_pyarray(py))?;
     out.set_item("local_error", run.local.clone().into_pyarray(py))?;
     out.set_item("rejected", run.rejected)?;
+    let side = |s: &Side| match s {
+        Side::Free => 0,
+        Side::Below => -1,
+        Side::Above => 1,
+    };
+    let smooth = run.at_kinks.smooth.iter().map(|s| (s.from, s.sides.iter().map(side).collect::<Vec<i8>>()));
+    out.set_item("smooth", smooth.collect::<Vec<_>>())?;
+    out.set_item("missed", run.at_kinks.missed.clone())?;
     let (status, t, message) = match &run.end {
         End::Finished => ("finished", run.last.instant.motion.t, String::new()),
         End::Interrupted => ("interrupted", run.last.instant.motion.t, String::new()),

@@ -1,9 +1,9 @@
 //! Where a motion has no derivative: kinks of laws that it passes, and impacts of drives.
 //!
-//! Forces of all laws are continuous, so that a passed kink leaves the derivative of the discrete motion as it is, one-sided there
-//! and first order in the step; a jump of an imposed rate makes rates jump at a fixed time, whatever the parameters do.
+//! Steps end at sharp kinks of laws (`integrate::kinks`), where the derivative keeps its order: forces are continuous. Over others, sliders
+//! and kinks that are rounded over less than a step, it is one-sided and first order in the step; a jump of an imposed rate makes rates jump at a fixed time, whatever the parameters do.
 use crate::error::{Error, Result};
-use crate::force::{AnyLaw, Class};
+use crate::force::{AnyLaw, Class, Surface};
 use crate::integrate::{Equations, Instant};
 use crate::multibody::connector::motion_of;
 use crate::multibody::topology::{BoundLaw, Owner};
@@ -24,28 +24,32 @@ struct Distance {
     width: f64,
 }
 
-/// The laws with kinks, and where they stood at the last instant.
+/// The laws with kinks at which no step ends, and where they stood at the last instant.
 pub struct Watch<'a> {
     eq: &'a Equations<'a, f64>,
+    /// steps end at sharp kinks
+    to_kinks: bool,
     last: Vec<Vec<Distance>>,
     pub found: Vec<Kink>,
 }
 
 const FRICTION: &str = "its friction changes its sign within a step";
 const SLIDER: &str = "its slider begins or ceases to slide";
+const REVERSAL: &str = "its rate or its state changes its sign within a step";
 const GAP: &str = "its gap closes or opens";
 
 fn what(law: AnyLaw) -> &'static str {
     match law.class() {
         _ if law.has_map() => SLIDER,
+        _ if law.has_rates() => REVERSAL,
         Class::Friction => FRICTION,
         _ => GAP,
     }
 }
 
 impl<'a> Watch<'a> {
-    pub fn new(eq: &'a Equations<'a, f64>, first: &Instant) -> Self {
-        let mut watch = Watch { eq, last: Vec::new(), found: Vec::new() };
+    pub fn new(eq: &'a Equations<'a, f64>, first: &Instant, to_kinks: bool) -> Self {
+        let mut watch = Watch { eq, to_kinks, last: Vec::new(), found: Vec::new() };
         watch.last = watch.distances(first, first);
         watch
     }
@@ -74,8 +78,14 @@ impl<'a> Watch<'a> {
     }
 
     fn has_kinks(&self, l: &BoundLaw) -> bool {
+        l.law.has_map() || !self.surfaces(l).is_empty()
+    }
+
+    /// Kinks of a law at which no step ends.
+    fn surfaces(&self, l: &BoundLaw) -> Vec<Surface> {
         let p = &self.eq.x[l.x..l.x + l.law.n_params()];
-        l.law.has_map() || l.law.surfaces(p).iter().any(|s| s.kink)
+        let passed = |s: &Surface| if s.is_sharp() { !self.to_kinks } else { s.kink };
+        l.law.surfaces(p).into_iter().filter(passed).collect()
     }
 
     fn laws(&self) -> Vec<(Owner, &'a BoundLaw)> {
@@ -97,23 +107,24 @@ impl<'a> Watch<'a> {
             let moved = motion_of(topology, &eq.geometry, &placement, &eq.x, c);
             for law in c.laws.iter().filter(|l| self.has_kinks(l)) {
                 let (u, v) = moved[law.component];
-                let p = &eq.x[law.x..law.x + law.law.n_params()];
-                let memory = law.memory..law.memory + law.law.n_memory();
-                let slid = (&from.motion.memory[memory.clone()], &end.motion.memory[memory]);
-                out.push(distances(law.law, p, u, v, slid));
+                let (before, after) = (&from.motion.memory[law.places()], &end.motion.memory[law.places()]);
+                out.push(match law.law.has_map() {
+                    true => slid(before, after),
+                    false => self.surfaces(law).iter().map(|s| distance(s, u, v, after)).collect(),
+                });
             }
         }
         out
     }
 }
 
-fn distances(law: AnyLaw, p: &[f64], u: f64, v: f64, (before, after): (&[f64], &[f64])) -> Vec<Distance> {
-    let one = |from: f64, width: f64| Distance { from, width };
-    if law.has_map() {
-        return (before.iter().zip(after)).map(|(a, b)| one(if a == b { -1.0 } else { 1.0 }, 0.0)).collect();
-    }
-    let kinks = law.surfaces(p).into_iter().filter(|s| s.kink);
-    kinks.map(|s| one(s.distance(u, v), s.width)).collect()
+fn slid(before: &[f64], after: &[f64]) -> Vec<Distance> {
+    let one = |(a, b)| Distance { from: if a == b { -1.0 } else { 1.0 }, width: 0.0 };
+    before.iter().zip(after).map(one).collect()
+}
+
+fn distance(s: &Surface, u: f64, v: f64, z: &[f64]) -> Distance {
+    Distance { from: s.distance(u, v, z), width: if s.width.is_finite() { s.width } else { 0.0 } }
 }
 
 /// Refuse motions of drives whose rates jump on the way: an impact.

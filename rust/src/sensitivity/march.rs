@@ -16,6 +16,7 @@ use crate::run::{Cancel, Counts};
 use super::Plan;
 use super::bdf;
 use super::runge_kutta::{self, Stages, inner_nodes, start_weight};
+use super::stretches::Stretches;
 
 /// The scheme, with what distinguishes its variants.
 #[derive(Debug, Clone, Copy)]
@@ -221,7 +222,7 @@ impl KeptMotion {
 
 /// Goes from step to step; a kept factorisation of the motion is all that it holds.
 pub struct March<'a> {
-    eq: &'a Equations<'a, f64>,
+    eqs: &'a Stretches<'a>,
     plan: &'a Plan,
     /// of a motion that was made before
     kept: Option<&'a KeptSteps>,
@@ -233,8 +234,8 @@ pub struct March<'a> {
 }
 
 impl<'a> March<'a> {
-    pub fn new(eq: &'a Equations<'a, f64>, plan: &'a Plan, kept: Option<&'a KeptSteps>) -> Self {
-        March { eq, plan, kept, alpha: None, radau: None, bdf: None, tangents: false }
+    pub fn new(eqs: &'a Stretches<'a>, plan: &'a Plan, kept: Option<&'a KeptSteps>) -> Self {
+        March { eqs, plan, kept, alpha: None, radau: None, bdf: None, tangents: false }
     }
 
     pub fn with_tangents(self) -> Self {
@@ -258,15 +259,15 @@ impl<'a> March<'a> {
         self.made(i, from, counts).map_err(|e| at_time(e, from.instant.motion.t))
     }
 
-    /// The scheme starts anew where a load or a drive is not smooth: accelerations and multipliers of what follows.
+    /// The scheme starts anew where a load, a drive or a law is not smooth: accelerations and multipliers of what follows.
     pub fn anew(&mut self, i: usize, end: &Here, counts: &mut Counts) -> Result<Option<Here>> {
-        if !self.plan.breaks.contains(&self.plan.times[i + 1]) {
+        if !self.plan.starts_anew(self.plan.times[i + 1]) {
             return Ok(None);
         }
         self.forget();
         let instant = match self.kept.and_then(|k| k.steps.get(i)?.anew.clone()) {
             Some(anew) => anew,
-            None => self.eq.instant(end.instant.motion.clone(), counts)?,
+            None => self.eqs.from(self.plan.times[i + 1]).instant(end.instant.motion.clone(), counts)?,
         };
         Ok(Some(Here::first(instant, self.plan.rule)))
     }
@@ -290,18 +291,19 @@ impl<'a> March<'a> {
 
     fn made(&mut self, i: usize, from: &Here, counts: &mut Counts) -> Result<(Here, Made)> {
         let (h, t) = (self.plan.step(i), self.plan.times[i + 1]);
+        let eq = self.eqs.from(self.plan.times[i]);
         match self.plan.rule {
             Rule::Ali3p(weight) => {
                 let mut trend = from.trend.clone();
-                let opened = self.eq.opened(&from.instant, h);
-                let (mut end, record, mut by) = self.eq.ali3p_step(&opened, h, &trend, (weight, None), counts)?;
+                let opened = eq.opened(&from.instant, h);
+                let (mut end, record, mut by) = eq.ali3p_step(&opened, h, &trend, (weight, None), counts)?;
                 if !by.settled {
-                    self.eq.renew(&opened, &record, &mut by, counts)?;
+                    eq.renew(&opened, &record, &mut by, counts)?;
                 }
                 trend.pass(&from.instant.acceleration, &end.acceleration, h);
                 end.motion.t = t;
                 by.linear = by.linear.filter(|_| self.tangents);
-                self.eq.remember(&mut end.motion, counts);
+                eq.remember(&mut end.motion, counts);
                 let here = Here { trend, ..Here::at(end) };
                 Ok((here, Made::Ali3p(record, Box::new(by))))
             }
@@ -311,27 +313,27 @@ impl<'a> March<'a> {
                     scheme.resume(from.carried.clone());
                     scheme
                 });
-                let mut step = scheme.step(self.eq, &from.instant, h, false, counts)?;
+                let mut step = scheme.step(eq, &from.instant, h, false, counts)?;
                 step.end.motion.t = t;
-                self.eq.remember(&mut step.end.motion, counts);
-                scheme.accept(self.eq, &from.instant, &step, h);
+                eq.remember(&mut step.end.motion, counts);
+                scheme.accept(eq, &from.instant, &step, h);
                 let here = Here { carried: scheme.carried().cloned(), ..Here::at(step.end) };
                 Ok((here, Made::Alpha(Parameters::of(rho), h)))
             }
             Rule::Explicit => {
-                let (mut end, stages) = runge_kutta::step(self.eq, &from.instant, h, counts)?;
+                let (mut end, stages) = runge_kutta::step(eq, &from.instant, h, counts)?;
                 end.motion.t = t;
-                self.eq.remember(&mut end.motion, counts);
+                eq.remember(&mut end.motion, counts);
                 Ok((Here::at(end), Made::RungeKutta(Box::new(stages))))
             }
             Rule::Radau => {
                 let scheme = self.radau.get_or_insert_with(|| Radau::new(&FIVE, None).recording());
-                let mut step = scheme.step(self.eq, &from.instant, h, false, counts)?;
+                let mut step = scheme.step(eq, &from.instant, h, false, counts)?;
                 let stages = Stages::implicit(h, scheme.recorded(), &step.end)?;
-                self.eq.same_branch(&stages.open.rate, &step.end, h)?;
+                eq.same_branch(&stages.open.rate, &step.end, h)?;
                 step.end.motion.t = t;
-                self.eq.remember(&mut step.end.motion, counts);
-                scheme.accept(self.eq, &from.instant, &step, h);
+                eq.remember(&mut step.end.motion, counts);
+                scheme.accept(eq, &from.instant, &step, h);
                 Ok((Here::at(step.end), Made::Radau(Box::new(stages))))
             }
             Rule::Bdf => self.multistep(i, from, counts),
@@ -339,7 +341,7 @@ impl<'a> March<'a> {
     }
 
     fn multistep(&mut self, i: usize, from: &Here, counts: &mut Counts) -> Result<(Here, Made)> {
-        let (eq, h) = (self.eq, self.plan.step(i));
+        let (eq, h) = (self.eqs.from(self.plan.times[i]), self.plan.step(i));
         let kind = *self.plan.kinds.get(i).ok_or_else(|| Error::model("a step of bdf has no order"))?;
         let scheme = self.bdf.get_or_insert_with(|| {
             let mut scheme = Bdf::scripted();

@@ -11,6 +11,7 @@
 //! | `start` | the first instant and its derivative: loops closed, rates consistent, accelerations |
 //! | `march` | the motion itself, step by step |
 //! | `kinks` | where a motion has no derivative |
+//! | `stretches` | the equations between kinks of laws |
 //! | `alpha` | a step of generalised-alpha as equations |
 //! | `runge_kutta` | a step of the explicit method as equations |
 //! | `stages` | stages that are solved for: their equations, one linear system for all of a step |
@@ -36,6 +37,7 @@ mod reactions;
 pub mod runge_kutta;
 pub mod stages;
 pub mod start;
+pub mod stretches;
 
 use std::sync::Arc;
 
@@ -44,6 +46,7 @@ use crate::run::Counts;
 
 use crate::integrate::bdf::record::Kind;
 use crate::integrate::kept::KeptSteps;
+use crate::integrate::kinks::Smooth;
 use crate::integrate::{Equations, Instant, Motion, before_break};
 use march::{Here, KeptMotion, Rule};
 
@@ -56,8 +59,10 @@ pub struct Plan {
     pub times: Vec<f64>,
     pub rule: Rule,
     pub follow: Follow,
-    /// times of steps after which the scheme starts anew, because a load or a drive is not smooth there
+    /// times of steps after which the scheme starts anew, because a load or a drive is not smooth there; what jumps belongs to what follows
     pub breaks: Vec<f64>,
+    /// stretches between kinks of laws, where steps end and the scheme starts anew; empty: no law has any
+    pub smooth: Vec<Smooth>,
     /// how each step of "bdf" comes about
     pub kinds: Vec<Kind>,
     /// the way back keeps a motion of at most so many numbers whole; of a longer one checkpoints, as many as the root of its steps
@@ -119,6 +124,11 @@ impl Plan {
 
     pub fn n_steps(&self) -> usize {
         self.times.len() - 1
+    }
+
+    /// Does the scheme start anew at this time?
+    pub fn starts_anew(&self, t: f64) -> bool {
+        self.breaks.contains(&t) || self.smooth.iter().skip(1).any(|s| s.from == t)
     }
 
     /// The length of step i.

@@ -27,6 +27,7 @@ use crate::run::Counts;
 use super::Direction;
 use super::direct::chunk::{Chunk, Moving, WIDEST, chunk};
 use super::direct::explicit::Held;
+use super::march::Rule;
 use super::runge_kutta::{Stages, slope_maps};
 
 /// On which level the rows of a stage hold.
@@ -162,6 +163,22 @@ pub struct Probe<'a> {
     pub rows: Rows,
     /// places in the memory of states of laws that are solved for
     pub states: Vec<usize>,
+}
+
+/// What finds the derivatives of stages: of Radau's method, of "bdf".
+pub struct Probes<'a> {
+    pub radau: Option<Probe<'a>>,
+    pub bdf: Option<Probe<'a>>,
+}
+
+impl<'a> Probes<'a> {
+    pub fn of(eq: &'a Equations<'a, f64>, rule: Rule) -> Self {
+        let bdf = matches!(rule, Rule::Bdf);
+        Probes {
+            radau: (bdf || matches!(rule, Rule::Radau)).then(|| Probe::new(eq, Rows::Accelerations)),
+            bdf: bdf.then(|| Probe::new(eq, Rows::Rates)),
+        }
+    }
 }
 
 /// Places in the memory of states of laws.

@@ -32,7 +32,7 @@ pub const QUADRATIC: f64 = 1e-9;
 pub const EXACT: f64 = 1e-11;
 
 /// Remainder of Newton's method over the motion within a fixed step, which has no tolerance, and within a controlled one that is kept for
-/// its derivatives. Larger: the remainder shows in measured orders and in derivatives. Smaller: rounding is solved.  Pinned by
+/// its derivatives. Larger: the remainder shows in measured orders and in derivatives. Smaller: rounding is solved. Pinned by
 /// `test_order_five_at_oblique_axes`, from above, and tests/gradients/test_gradient_radau.py, from below.
 pub const FIXED_SOLVED: f64 = 1e-12;
 /// The norm of the equations over the motion within a fixed step of "bdf-bfgs": remainders are of accelerations, and add up twice. Larger:
@@ -86,6 +86,34 @@ pub const FROM_REST: f64 = 1e-3;
 /// How fast the length of past steps is forgotten, over time in such lengths. Larger: one short step makes the detour around a pose short.
 /// Smaller: a detour is as long as steps were long ago. Not scanned.
 pub const FADING: f64 = 0.3;
+
+/// Distances from a kink of a law over the largest of the motion at which a step ends at the kink. Larger: a law is held on its side
+/// for as much too long, which derivatives behind stiff contacts show. Smaller: rounding is searched. Pinned by
+/// `tests/gradients/test_gradient_bounces.py`, from above.
+pub const AT_KINK: f64 = 1e-14;
+/// The same beyond which a motion is on the other side. Larger: kinks are passed by as much and not seen. Smaller: remainders of Newton's
+/// method are taken for passages. Pinned by `tests/gradients/test_gradient_at_kinks.py`.
+pub const BESIDE_KINK: f64 = 1e-11;
+/// The same over the tolerance of controlled steps, below which the ends of steps are noise. Larger and smaller: as of `BESIDE_KINK`.
+pub const KINK_SHARE: f64 = 1e-3;
+/// Steps between two that are both at a kink by the noise of steps, to find it to rounding. Larger: noise is searched. Smaller: as of a
+/// larger `AT_KINK`.
+pub const KINK_POLISH: usize = 5;
+/// Part of a natural time of a motion after which it is beside a kink on which it begins. Larger: it may be back again. Smaller: it is
+/// still on it, to rounding. Not scanned.
+pub const AHEAD: f64 = 1e-5;
+/// The same inside a step, whose motion is interpolated there. Larger: a kink that is passed forth and back within a step is not seen.
+/// Smaller: errors of the interpolation are taken for one, and steps are shorter.
+pub const SEEN_KINK: f64 = 1e-7;
+/// Rounding of the distance from a kink, over the characteristic length or the largest rate: it is zero below that. Larger: a kink is
+/// passed by as much, which no derivative shows. Smaller: rounding of a motion that rests on a kink is taken for passages without end.
+pub const ROUNDED_DISTANCE: f64 = 16.0 * f64::EPSILON;
+/// Accelerations on both sides of a kink of a function that differ by more, over the largest of the motion, jump; slopes on both sides of
+/// a kink on which a motion rests, over their own. Larger: a small jump is taken for a kink, and its part of a derivative is left out.
+/// Smaller: what the end of a step is off its kink is taken for a jump.
+pub const JUMP: f64 = 1e-4;
+/// Steps of the search for one that ends at a kink. Larger: a law that jumps holds the motion up. Smaller: kinks are missed, and said so.
+pub const KINK_SEARCH: usize = 60;
 
 /// Norm of the equations of a step of bdf-bfgs over a tolerance for the motion, which about a thousand steps share. Larger: the remainder
 /// adds up to the tolerance. Smaller: evaluations for nothing. Not seen: motions of tests err by less than their tolerance either way.

@@ -39,6 +39,10 @@ impl<'a> ByHand<'a> {
         ByHand { eq, dual: lifted(eq), plain: Slopes::none(eq), along: Slopes::none(eq) }
     }
 
+    pub fn over(&mut self, eq: &'a Equations<'a, f64>) {
+        (self.eq, self.dual) = (eq, lifted(eq));
+    }
+
     /// -u.r - w.(rows), r with multipliers, times f; rows on velocity level times `speed`.
     #[allow(clippy::too_many_arguments)]
     pub fn balance(

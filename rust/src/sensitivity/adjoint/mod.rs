@@ -26,8 +26,9 @@ use self::recorder::{Adjoint, Recorder, opened_back, seed};
 use super::kinks::{Kink, Watch};
 use super::march::{Here, Made, March, Rule};
 use super::quantity::{Quantity, read};
-use super::stages::{Probe, Rows};
+use super::stages::Probes;
 use super::start::Starting;
+use super::stretches::Stretches;
 use super::{Direction, Plan};
 
 /// The first instant: accelerations and multipliers backwards; what is left are adjoints of coordinates and rates.
@@ -87,7 +88,7 @@ fn stride(eq: &Equations<'_, f64>, plan: &Plan) -> usize {
 
 /// The motion forwards, with its values at all instants.
 pub fn forward(
-    eq: &Equations<'_, f64>,
+    eqs: &Stretches<'_>,
     first: Instant,
     plan: &Plan,
     wanted: &[Quantity],
@@ -95,7 +96,7 @@ pub fn forward(
     counts: &mut Counts,
 ) -> Result<Forward> {
     plan.check()?;
-    let n = plan.n_steps();
+    let (n, eq) = (plan.n_steps(), eqs.first());
     let every = stride(eq, plan);
     let start = Here::first(first, plan.rule);
     let mut here = match plan.rule.opens_states() {
@@ -115,7 +116,7 @@ pub fn forward(
     let mut inner = Vec::new();
     let kept = plan.kept_from(eq, &here, counts);
     out.is_kept = kept.is_some();
-    let (mut march, mut watch) = (March::new(eq, plan, kept), Watch::new(eq, &here.instant));
+    let (mut march, mut watch) = (March::new(eqs, plan, kept), Watch::new(eq, &here.instant, !plan.smooth.is_empty()));
     for i in 0..=n {
         if i > 0 {
             let (end, gone) = stepped(&mut march, i - 1, &here, cancel, counts)?;
@@ -155,7 +156,7 @@ fn stepped(march: &mut March<'_>, i: usize, from: &Here, cancel: &Cancel, counts
 }
 
 fn repeat(
-    eq: &Equations<'_, f64>,
+    eqs: &Stretches<'_>,
     plan: &Plan,
     (from, kept): (&Here, Option<&KeptSteps>),
     steps: std::ops::Range<usize>,
@@ -163,7 +164,7 @@ fn repeat(
     counts: &mut Counts,
 ) -> Result<Stretch> {
     let mut out = Stretch::at(from);
-    let mut march = March::new(eq, plan, kept);
+    let mut march = March::new(eqs, plan, kept);
     for (k, i) in steps.enumerate() {
         let (end, gone) = stepped(&mut march, i, &out.places[k], cancel, counts)?;
         out.places.push(end);
@@ -175,7 +176,7 @@ fn repeat(
 /// Derivatives of sum(seeds * values) along directions, for one set of seeds (n_r, width).
 #[allow(clippy::too_many_arguments)]
 pub fn backward(
-    eq: &Equations<'_, f64>,
+    eqs: &Stretches<'_>,
     run: &Forward,
     plan: &Plan,
     wanted: &[Quantity],
@@ -185,9 +186,9 @@ pub fn backward(
     counts: &mut Counts,
 ) -> Result<Vec<f64>> {
     let (n, w) = (plan.n_steps(), run.width);
-    let mut recorder = Recorder::new(eq);
-    let radau = matches!(plan.rule, Rule::Radau | Rule::Bdf).then(|| Probe::new(eq, Rows::Accelerations));
-    let bdf = matches!(plan.rule, Rule::Bdf).then(|| Probe::new(eq, Rows::Rates));
+    let last = eqs.from(plan.times[n]);
+    let mut recorder = Recorder::new(last);
+    let mut probes = Probes::of(last, plan.rule);
     let first = &run.checkpoints[0];
     let mut at = Adjoint::none(first);
     let mut longest = 0;
@@ -198,7 +199,7 @@ pub fn backward(
         let stretch = match &run.whole {
             Some(whole) => whole,
             None => {
-                again = repeat(eq, plan, (checkpoint, kept), a..b, cancel, counts)?;
+                again = repeat(eqs, plan, (checkpoint, kept), a..b, cancel, counts)?;
                 longest = longest.max(again.steps.len());
                 &again
             }
@@ -217,6 +218,10 @@ pub fn backward(
                     before
                 }
             };
+            let eq = eqs.from(plan.times[i]);
+            if recorder.over(eq) {
+                probes = Probes::of(eq, plan.rule);
+            }
             let start = &*made.start(eq, from);
             let inner = plan.inner_row(i);
             let mut own = |recorder: &mut Recorder<'_>, stage: usize, here: &Instant, onto: &mut Adjoint| {
@@ -234,7 +239,7 @@ pub fn backward(
                 }
                 (Made::Radau(stages), _) => {
                     let past = at.past.take();
-                    let Some(probe) = &radau else { return Err(unprepared()) };
+                    let Some(probe) = &probes.radau else { return Err(unprepared()) };
                     let mut before =
                         stages::radau_back(&mut recorder, (start, end), (stages, probe), at, &mut own, counts)?;
                     before.past = past.map(|mut past| {
@@ -244,7 +249,7 @@ pub fn backward(
                     before
                 }
                 (Made::Bdf(stages, step), _) => {
-                    let Some(probe) = &bdf else { return Err(unprepared()) };
+                    let Some(probe) = &probes.bdf else { return Err(unprepared()) };
                     bdf::step_back(&mut recorder, (start, end), (stages, step, probe), at, counts)?
                 }
                 _ => at,
@@ -256,7 +261,8 @@ pub fn backward(
     }
     counts.add("stored states", longest as u64);
     seed(&mut recorder, &first.instant, wanted, &seeds[..w], &mut at)?;
-    let start = &run.start;
+    let (start, eq) = (&run.start, eqs.first());
+    recorder.over(eq);
     if eq.has_state_rates() && !plan.rule.opens_states() {
         opened_back(&mut recorder, start, 0.0, &mut at);
     }

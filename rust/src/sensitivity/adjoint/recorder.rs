@@ -87,6 +87,16 @@ impl<'a> Recorder<'a> {
         Recorder { eq, n_x, n_geometry, numbers: vec![0.0; n_x + n_geometry], hand: ByHand::new(eq) }
     }
 
+    /// Over equations of the same model that hold from here on; were they others?
+    pub fn over(&mut self, eq: &'a Equations<'a, f64>) -> bool {
+        let others = !std::ptr::eq(self.eq, eq);
+        if others {
+            self.eq = eq;
+            self.hand.over(eq);
+        }
+        others
+    }
+
     fn begin(&self) -> Equations<'a, Taped> {
         clear();
         let x = self.eq.x.iter().map(|v| leaf(*v)).collect();

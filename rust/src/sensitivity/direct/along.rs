@@ -48,29 +48,15 @@ impl<'a> Along<'a> {
         directions: &[Direction],
         counts: &mut Counts,
     ) -> Result<Self> {
-        let (system, effects) = (eq.system, eq.effects);
-        let kind: Vec<(bool, bool)> =
-            directions.iter().map(|d| touched(system, effects, d)).map(|t| (!t.whole, !t.rows)).collect();
-        let mut order: Vec<usize> = (0..directions.len()).collect();
-        order.sort_by_key(|p| kind[*p]);
-        let projected = eq.n_rows() > 0;
-        let mut chunks = Vec::new();
-        for alike in order.chunk_by(|a, b| kind[*a] == kind[*b]) {
-            for part in alike.chunks(WIDEST) {
-                let part: Vec<&Direction> = part.iter().map(|p| &directions[*p]).collect();
-                let at = chunks.iter().map(|(_, n)| n).sum();
-                let made = chunk(system, effects, &part, at, projected);
-                chunks.push((made, part.len()));
-            }
-        }
+        let (order, chunks) = divided(eq, directions);
         let now = started(eq, first, plan, directions, &order, counts)?;
-        Ok(Along {
-            jets: projected.then(|| constant_equations(eq)),
-            chunks: chunks.into_iter().map(|(c, _)| c).collect(),
-            eq,
-            order,
-            now,
-        })
+        Ok(Along { jets: jets(eq), chunks, eq, order, now })
+    }
+
+    /// The same directions, over equations of the same model that hold from here on.
+    pub fn over(self, eq: &'a Equations<'a, f64>, directions: &[Direction]) -> Self {
+        let (order, chunks) = divided(eq, directions);
+        Along { jets: jets(eq), chunks, eq, order, now: self.now }
     }
 
     pub fn chunks(&self) -> impl Iterator<Item = &dyn Chunk> {
@@ -221,9 +207,31 @@ impl<'a> Along<'a> {
     }
 }
 
-fn constant_equations<'a>(eq: &Equations<'a, f64>) -> Equations<'a, Jet> {
-    let geometry = eq.geometry.map(Jet::constant);
-    Equations::with_geometry(eq.system, constants(&eq.x), geometry, eq.effects)
+/// The direction of each column, and all of them in chunks that are alike.
+fn divided<'a>(eq: &Equations<'a, f64>, directions: &[Direction]) -> (Vec<usize>, Vec<Box<dyn Chunk + 'a>>) {
+    let (system, effects) = (eq.system, eq.effects);
+    let kind: Vec<(bool, bool)> =
+        directions.iter().map(|d| touched(system, effects, d)).map(|t| (!t.whole, !t.rows)).collect();
+    let mut order: Vec<usize> = (0..directions.len()).collect();
+    order.sort_by_key(|p| kind[*p]);
+    let (mut chunks, mut first) = (Vec::new(), 0);
+    for alike in order.chunk_by(|a, b| kind[*a] == kind[*b]) {
+        for part in alike.chunks(WIDEST) {
+            let part: Vec<&Direction> = part.iter().map(|p| &directions[*p]).collect();
+            chunks.push(chunk(system, effects, &part, first, eq.n_rows() > 0));
+            first += part.len();
+        }
+    }
+    (order, chunks)
+}
+
+/// The equations along the changes of a projection, where there is one.
+fn jets<'a>(eq: &Equations<'a, f64>) -> Option<Equations<'a, Jet>> {
+    let constant = || {
+        let geometry = eq.geometry.map(Jet::constant);
+        Equations::with_geometry(eq.system, constants(&eq.x), geometry, eq.effects)
+    };
+    (eq.n_rows() > 0).then(constant)
 }
 
 /// A state along both changes (cx d, cv d, d, y) of a projection; multipliers are those of the changes alone.

@@ -18,7 +18,7 @@ use nalgebra::DMatrix;
 use crate::error::{Error, Result};
 use crate::integrate::ali3p::{Factors, Record, Weight, stars};
 use crate::integrate::generalized_alpha::{Parameters, reached};
-use crate::integrate::{Equations, Instant, Motion};
+use crate::integrate::{Instant, Motion};
 use crate::run::{Cancel, Counts};
 
 use self::along::Along;
@@ -28,9 +28,10 @@ use super::alpha::{Load, Solved};
 use super::bdf::Past;
 use super::closing::accelerating;
 use super::kinks::{Kink, Watch};
-use super::march::{Here, Made, March, Rule};
+use super::march::{Here, Made, March};
 use super::quantity::{Quantity, read};
-use super::stages::{Probe, Rows};
+use super::stages::Probes;
+use super::stretches::Stretches;
 use super::{Direction, Plan};
 
 /// What generalised-alpha carries on, by all directions.
@@ -52,12 +53,6 @@ impl Carried {
         let alpha = Carry { a: now.a.clone(), rate_slope: now.a.clone(), slope: &now.a * 0.0 };
         Carried { alpha, past: Past::none(now.x.nrows(), now.z.nrows(), now.x.ncols()) }
     }
-}
-
-/// What finds the derivatives of stages: of Radau's method, of "bdf".
-struct Probes<'a> {
-    radau: Option<Probe<'a>>,
-    bdf: Option<Probe<'a>>,
 }
 
 impl Along<'_> {
@@ -195,7 +190,7 @@ fn stepped(
 
 #[allow(clippy::too_many_arguments)]
 pub fn direct(
-    eq: &Equations<'_, f64>,
+    eqs: &Stretches<'_>,
     first: Instant,
     plan: &Plan,
     wanted: &[Quantity],
@@ -204,7 +199,7 @@ pub fn direct(
     counts: &mut Counts,
 ) -> Result<Sensitivities> {
     plan.check()?;
-    let n_p = directions.len();
+    let (n_p, eq) = (directions.len(), eqs.first());
     let mut along = Along::new(eq, &first, plan, directions, counts)?;
     let mut carried = Carried::first(&along.now);
     let width: usize = wanted.iter().map(|q| q.width(eq)).sum();
@@ -216,20 +211,16 @@ pub fn direct(
         width,
         kinks: Vec::new(),
     };
-    let bdf = n_p > 0 && matches!(plan.rule, Rule::Bdf);
-    let radau = bdf || n_p > 0 && matches!(plan.rule, Rule::Radau);
-    let probes = Probes {
-        radau: radau.then(|| Probe::new(eq, Rows::Accelerations)),
-        bdf: bdf.then(|| Probe::new(eq, Rows::Rates)),
-    };
-    let mut watch = Watch::new(eq, &first);
+    let probed = |eq| if n_p > 0 { Probes::of(eq, plan.rule) } else { Probes { radau: None, bdf: None } };
+    let mut probes = probed(eq);
+    let mut watch = Watch::new(eq, &first, !plan.smooth.is_empty());
     let mut here = Here::first(first, plan.rule);
     if !plan.rule.opens_states() {
         // laws at rest begin with the states that belong to the drawn pose
         here = along.open(&here, 0.0).into_owned();
     }
     let kept = plan.kept_from(eq, &here, counts);
-    let mut march = March::new(eq, plan, kept).with_tangents();
+    let mut march = March::new(eqs, plan, kept).with_tangents();
     for i in 0..n_t {
         if i > 0 {
             let (end, made) = march.step(i - 1, &here, cancel, counts)?;
@@ -253,8 +244,13 @@ pub fn direct(
             here = match march.anew(i - 1, &end, counts)? {
                 None => end,
                 Some(anew) => {
+                    let next = eqs.from(plan.times[i]);
+                    if !std::ptr::eq(next, along.eq) {
+                        along = along.over(next, directions);
+                        probes = probed(next);
+                    }
                     if n_p > 0 {
-                        let by = accelerating(eq, &anew.instant.motion)?.0;
+                        let by = accelerating(next, &anew.instant.motion)?.0;
                         along.accelerate(&anew.instant.motion, &anew.instant, &by, counts)?;
                         carried = Carried::first(&along.now);
                     }
