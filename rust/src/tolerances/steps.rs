@@ -121,6 +121,9 @@ pub const SHARE_OF_MOTION: f64 = 1e-5;
 /// Lower limit of that norm, over the root of the number of equations: rounding of constraint rows. Larger: steps are not solved, and
 /// orders and lengths of steps follow what is left. Smaller: rounding is solved. Not seen: motions with constraints pass either way.
 pub const ROW_ROUNDING: f64 = 1e-15;
+/// The same where there are no rows: rounding of increments. Larger: shorter fixed steps err more. Pinned by
+/// `test_shorter_fixed_steps_err_less`, from above.
+pub const INCREMENT_ROUNDING: f64 = 1e-17;
 /// The norm that passes where a fresh inverse cannot better it. Larger: unsolved steps pass. Smaller: motions near to singular poses stop.
 /// Not seen: motions of tests pass either way.
 pub const FRESH_INVERSE: f64 = 1e-11;

@@ -11,7 +11,9 @@ use crate::solve::line_search::Rule;
 
 use super::equations::BdfStep;
 use crate::tolerances::roots::{DETERMINANT, DIFFERENCE};
-use crate::tolerances::steps::{FIXED_SOLVED, FIXED_WITHOUT_TANGENT, FRESH_INVERSE, ROW_ROUNDING, SHARE_OF_MOTION};
+use crate::tolerances::steps::{
+    FIXED_SOLVED, FIXED_WITHOUT_TANGENT, FRESH_INVERSE, INCREMENT_ROUNDING, ROW_ROUNDING, SHARE_OF_MOTION,
+};
 
 /// Least cosine between y and s for an update: where BFGS meets a nonsymmetric or indefinite Jacobian, smaller ones ruin H.
 const CURVATURE: f64 = 0.1;
@@ -89,7 +91,8 @@ impl StepSolver {
     fn tolerance(&self, step: &BdfStep<'_, '_>) -> f64 {
         let moved = step.moved.iter().zip(&step.sizes.sigma);
         let size = moved.fold(0.0_f64, |a, (v, s)| a.max((v / s).abs()));
-        (self.solved * size).clamp(ROW_ROUNDING, FIXED_SOLVED)
+        let floor = if step.sizes.kept.is_empty() { INCREMENT_ROUNDING } else { ROW_ROUNDING };
+        (self.solved * size).clamp(floor, FIXED_SOLVED)
     }
 
     /// The equations of a step: with the H there is, with a new one, with a new one and Broyden's update.
