@@ -36,7 +36,7 @@ from ..results import Stats, added_counts
 from ..system.effects import check_without, effects
 from .motion_gradient import MotionGradient, effects_of
 from .objectives import Evaluation, Integral, NewReading, Objective, Reader, evaluate, number
-from .steps import prepare
+from .steps import halved, prepare
 
 if TYPE_CHECKING:
     from ..model.model import Model
@@ -255,13 +255,12 @@ def _estimated(
 
 def _finer(run: Run, objectives: Sequence[Objective], step: float | None, rtol: float | None) -> Run:
     """The motion by steps half as long, or by a smaller tolerance; beside rounding by a larger one."""
-    if step is None:
-        given = DEFAULT if rtol is None else rtol
-        rtol = given / _STRICTER if given > _STRICTER * _FINEST else given * _STRICTER
-    else:
-        step = 0.5 * step
+    if step is not None:
+        return halved(run)
+    given = DEFAULT if rtol is None else rtol
+    rtol = given / _STRICTER if given > _STRICTER * _FINEST else given * _STRICTER
     kind = {"scheme": run.scheme, "weight": run.weight, "rho": run.rho}
-    return prepare(run.model, objectives, run.times[-1], step, rtol, run.state, run.without, run.keep, **kind)
+    return prepare(run.model, objectives, run.times[-1], None, rtol, run.state, run.without, run.keep, **kind)
 
 
 def _apart(made: MotionGradient, other: Run, objectives: Sequence[Objective], along: Directions) -> float:
