@@ -141,13 +141,8 @@ def halved(run: Run) -> Run:
 def _stopped(m: Model, error: ConvergenceError) -> tuple[Kink, ...]:
     """The one place at which a motion stopped because no step ended at a kink."""
     traj = error.result
-    return (
-        (
-            float(traj.t[-1]) if traj is not None and len(traj.t) else 0.0,
-            m.name,
-            "no step ends at a kink of one of its laws",
-        ),
-    )
+    at = float(traj.t[-1]) if traj is not None and len(traj.t) else 0.0
+    return ((at, m.name, "no step ends at a kink of one of its laws"),)
 
 
 def _scheme(snapshot: Snapshot, state: State, without: tuple[str, ...], end: float, step: float | None) -> str:

@@ -258,9 +258,8 @@ def to_be_differentiated(
     With ``keep`` steps of "radau" or "bdf" by a tolerance are solved to rounding, and kept where they need at most so many numbers and
     are all of the method.
     """
-    special = (
-        {"to_kinks": 1.0} | ({} if ends is None else {"ends": list(ends)}) | ({} if keep is None else {"keep": keep})
-    )
+    given = {"ends": ends, "keep": keep}
+    special = {"to_kinks": 1.0} | {name: value for name, value in given.items() if value is not None}
     return _of_model(m, t, special=special, **asked)
 
 

@@ -64,9 +64,7 @@ impl<'a> ShiftInvert<'a> {
         self.factor.solve(rhs.as_mut());
         rhs.subrows(0, force.nrows()).to_owned()
     }
-}
 
-impl ShiftInvert<'_> {
     /// Forces in the rows of the last solution, one column for each right-hand side.
     pub fn forces(&self, columns: usize) -> Mat<f64> {
         let (solved, n) = (self.rhs.borrow(), self.m.rows);
@@ -253,9 +251,7 @@ impl Mixed {
             plan: LuPlan::default(),
         })
     }
-}
 
-impl Mixed {
     fn weighed_stretches(&self, x: MatRef<'_, f64>) -> Mat<f64> {
         let mut stretch = Mat::zeros(self.rows.rows, x.ncols());
         self.rows.multiply(x, stretch.as_mut(), false);
