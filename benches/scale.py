@@ -188,6 +188,9 @@ def balance() -> list[Row]:
         branch = mb.Branch(system, force=force, omega=(0.8, 1.3), harmonics=7, stability=False)
         return int(branch.run(100))
 
+    # what is imported when a curve is first asked for is not part of any
+    small = mb.MechanicalSystem([[1.0]], [[0.02]], [[1.0]], elements=[mb.Cubic(0.2, w=[1.0])])
+    mb.Branch(small, force=[0.1], omega=(0.8, 1.3), harmonics=7, stability=False).run(1)
     seconds, points = once(curve)
     each = seconds / points
     rows = [

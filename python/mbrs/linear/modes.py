@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .. import _core
 from .._lib.border import core_errors
 from .._lib.checks import one_or_names, real_array
 from .._lib.progress import call_progress
@@ -220,15 +219,8 @@ def _dropped_by_means(system: Any, r: dict[str, Any]) -> np.ndarray | float:
 
 
 def _with_its_masses(system: Any, f: np.ndarray | None) -> tuple[dict[str, Any], np.ndarray | None]:
-    """Modes, and the factor of M that they needed where light bodies are lost beside heavy ones in M itself."""
-    try:
-        r = system.core.modes(f)
-        if not r["light"] or not hasattr(system, "mass_factor"):
-            return r, None
-    except _core.CoreSingularError:
-        if not hasattr(system, "mass_factor"):
-            raise
-    mf = system.mass_factor
+    """Modes, and the factor of M that they need where light bodies are lost beside heavy ones in M itself."""
+    mf = system.mass_factor if isinstance(system, Linearization) and system.core.is_light() else None
     return system.core.modes(f, mf), mf
 
 

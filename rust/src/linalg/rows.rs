@@ -2,7 +2,7 @@
 //!
 //! A rank is decided once (`system::rank`) and kept; at each pose the rows with the largest remainders of a Gram-Schmidt process
 //! carry the block, as many as its rank. Rows that are redundant agree with them, so that the choice changes no motion.
-use nalgebra::{DMatrix, RowDVector};
+use nalgebra::{DMatrix, DVector};
 
 use crate::linalg::matrix::Matrix;
 use crate::tolerances::matrices::TIE;
@@ -171,22 +171,28 @@ impl RowBlocks {
 
 /// As many rows as the ranks say, those with the largest remainders first, position rows before others.
 pub fn largest_rows(m: DMatrix<f64>, n_position: usize, ranks: [usize; 2]) -> Vec<usize> {
-    let mut left: Vec<Option<RowDVector<f64>>> = m.row_iter().map(|r| Some(r.into_owned())).collect();
+    let mut left: Vec<Option<DVector<f64>>> = m.row_iter().map(|r| Some(r.transpose())).collect();
+    let mut square: Vec<f64> = left.iter().flatten().map(DVector::norm_squared).collect();
     let mut kept = Vec::with_capacity(ranks[1]);
     while kept.len() < ranks[1] {
         let open = if kept.len() < ranks[0] { 0..n_position.min(left.len()) } else { 0..left.len() };
-        let size = |i: usize| left[i].as_ref().map_or(-1.0, |r| r.norm_squared());
+        let size = |i: usize| if left[i].is_some() { square[i] } else { -1.0 };
         let most = open.clone().map(size).fold(-1.0, f64::max);
         let Some(best) = open.into_iter().find(|i| size(*i) >= (1.0 - TIE) * most && left[*i].is_some()) else {
             break;
         };
         let Some(row) = left[best].take() else { break };
         kept.push(best);
-        let square = row.norm_squared();
-        if square > 0.0 {
-            for other in left.iter_mut().flatten() {
-                let part = row.dot(other) / square;
-                *other -= &row * part;
+        let own = square[best];
+        if own > 0.0 {
+            for (other, square) in left.iter_mut().zip(&mut square) {
+                let Some(other) = other else { continue };
+                let part = row.dot(other) / own;
+                // most rows of a long mechanism share no column with this one
+                if part != 0.0 {
+                    other.axpy(-part, &row, 1.0);
+                    *square = other.norm_squared();
+                }
             }
         }
     }

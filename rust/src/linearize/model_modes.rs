@@ -2,7 +2,7 @@
 use faer::{Mat, MatRef};
 use nalgebra::DMatrix;
 
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::linearize::parts::Parts;
 use crate::linearize::stiffness_factor::{is_strained, stiffness_factor};
 use crate::linearize::strain_rows::clear_strains;
@@ -10,7 +10,7 @@ use crate::linearize::{Linearization, Setting};
 use crate::multibody::placement::place;
 use crate::second_order::SecondOrder;
 use crate::second_order::linear_system::{LinearSystem, Matrices};
-use crate::second_order::modal::{Kind, Modal, modes};
+use crate::second_order::modal::{Kind, Modal, is_light, modes};
 use crate::spatial::V3;
 
 fn square(x: &DMatrix<f64>) -> Mat<f64> {
@@ -38,17 +38,14 @@ pub fn model_modes(
     plain: &SecondOrder,
     elastic: Option<bool>,
 ) -> Result<Option<Modal>> {
-    let mut heavy = None;
-    let found = match modes(plain) {
-        Ok(found) if !found.light() => found,
-        Err(error) if !matches!(error, Error::Singular(_)) => return Err(error),
-        _ if setting.system.topology.is_flexible() => return Ok(None),
-        _ => {
-            let factor = mass_factor(setting, made);
-            let found = modes(&plain.clone().with_mass_factor(factor.clone())?)?;
-            heavy = Some(factor);
-            found
-        }
+    let is_light = is_light(&plain.m);
+    if is_light && setting.system.topology.is_flexible() {
+        return Ok(None);
+    }
+    let heavy = is_light.then(|| mass_factor(setting, made));
+    let found = match &heavy {
+        None => modes(plain)?,
+        Some(factor) => modes(&plain.clone().with_mass_factor(factor.clone())?)?,
     };
     let rigid: Vec<usize> = (0..found.kind.len()).filter(|i| found.kind[*i] == Kind::Rigid).collect();
     let graded = matches!(found.route, "undamped" | "proportional") && (found.blurred() || !rigid.is_empty());

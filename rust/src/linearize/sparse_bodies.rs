@@ -220,7 +220,6 @@ fn as_modal(found: &GeneralModes) -> Modal {
         condition: vec![f64::NAN; n],
         error: found.error.clone(),
         route: "general",
-        mass_pivot: f64::NAN,
         counts: Counts::default(),
     }
 }

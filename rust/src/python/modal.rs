@@ -47,7 +47,6 @@ pub struct Modes {
     condition: Vector<f64>,
     error: Vector<f64>,
     route: &'static str,
-    light: bool,
     blurred: bool,
     counts: Counts,
 }
@@ -56,7 +55,6 @@ impl Modes {
     /// `counts`: what the call has cost that hands them over.
     pub fn new(r: Modal, counts: Counts) -> Self {
         Modes {
-            light: r.light(),
             blurred: r.blurred(),
             eigenvalue: Vector(r.s),
             partner: Vector(r.partner),

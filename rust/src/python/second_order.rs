@@ -14,7 +14,7 @@ use crate::error::Result;
 use crate::linearize::stiffness_factor;
 use crate::run::Counts;
 use crate::second_order::linear_system::{LinearSystem, Matrices};
-use crate::second_order::modal::modes;
+use crate::second_order::modal::{is_light, modes};
 
 pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<PySecondOrder>()
@@ -106,6 +106,12 @@ impl PySecondOrder {
     #[getter]
     fn N<'py>(&self, py: Python<'py>) -> Option<Square<'py>> {
         self.view(py, |a| a.n.as_ref())
+    }
+
+    /// True where light bodies may be lost in M beside heavy ones, so that modes need a factor of M.
+    fn is_light(&self, py: Python<'_>) -> PyResult<bool> {
+        modal::fits(&self.0)?;
+        self.run(py, |system| Ok(is_light(&system.given().m)))
     }
 
     /// All modes. With a factor `kf` of K, or `mf` of M, they are computed anew from it, else once.

@@ -143,4 +143,4 @@ pub const INDEFINITE: f64 = 1e-12;
 /// of all modes at once. Larger: passes are made that do not converge, before the state matrix is solved. Smaller: state matrices
 /// are solved where it takes several times as long. No answer depends on it. Pinned by
 /// `light_damping_takes_no_state_matrix`.
-pub const LIGHT: f64 = 0.5;
+pub const LIGHT: f64 = 0.65;

@@ -7,7 +7,7 @@ use super::refine::refine;
 use super::subspace::{aligned, bilinear_gram_schmidt, hermitian_gram_schmidt, largest_component, mass_times, rescale};
 use super::{Kind, Modal, Raw, RawMode};
 use crate::error::Result;
-use crate::linalg::dense::{C, EPS, real_times};
+use crate::linalg::dense::{C, EPS, abs, real_times};
 use crate::run::Counts;
 use crate::second_order::SecondOrder;
 use crate::tolerances::modes::{IMAGINARY, NEAR_DEFECTIVE, REAL_SHAPE};
@@ -113,7 +113,7 @@ fn heed_neighbours(modes: &[RawMode], quality: &mut [Quality]) {
     let roots: Vec<C> = modes.iter().flat_map(|m| [m.s, m.partner]).collect();
     for (j, quality) in quality.iter_mut().enumerate().filter(|(j, _)| !modes[*j].rigid && modes[*j].known.is_none()) {
         let others = roots.iter().enumerate().filter(|(k, _)| *k != 2 * j);
-        let distances: Vec<f64> = others.map(|(_, s)| (s - modes[j].s).norm()).collect();
+        let distances: Vec<f64> = others.map(|(_, s)| abs(s - modes[j].s)).collect();
         quality.heed_neighbours(modes[j].s, &distances);
     }
 }
@@ -364,7 +364,6 @@ impl Settled {
             near_defective: self.near_defective,
             groups: self.groups,
             route,
-            mass_pivot: f64::NAN,
             counts,
         }
     }

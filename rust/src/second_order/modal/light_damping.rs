@@ -17,7 +17,9 @@ use crate::tolerances::modes::{BLURRED, LIGHT};
 
 /// Fewer coordinates: an eigensolution of the state matrix costs no more.
 const FEWEST: usize = 40;
-const PASSES: usize = 8;
+const PASSES: usize = 10;
+/// Share of the last correction above which the next one is no progress.
+const SHRINKING: f64 = 0.8;
 
 /// All roots with Im > 0 and their vectors; None where the damping is not light. `lower` is the Cholesky factor of the stiffness.
 pub fn candidates(hat: &Hat, lower: &Mat<f64>, counts: &mut Counts) -> Result<Option<Vec<Candidate>>> {
@@ -88,16 +90,16 @@ impl Pairs {
     fn converge(&mut self, counts: &mut Counts) -> bool {
         let n = self.s.len();
         let mut moving: Vec<usize> = (0..n).collect();
-        let mut last = 2.0 * LIGHT;
+        let mut limit = LIGHT;
         for pass in 0..PASSES {
             let found = if pass == 0 { self.coupling() } else { self.projections(&moving) };
             let step = Corrections::new(&found, &self.s, &self.slope, &moving);
             let sizes = step.sizes();
             let largest = sizes.iter().fold(0.0f64, |m, v| if v.is_nan() { f64::INFINITY } else { m.max(*v) });
-            if largest > 0.5 * last {
+            if largest > limit {
                 return false;
             }
-            last = largest;
+            limit = SHRINKING * largest;
             counts.add("corrections of modes", moving.len() as u64);
             self.apply(&found, &step, &moving);
             moving = step.unsettled(&sizes, &moving);

@@ -80,17 +80,20 @@ pub struct Modal {
     pub condition: Vec<f64>,
     pub error: Vec<f64>,
     pub route: &'static str,
-    /// Smallest pivot of M relative to its diagonal: what elimination has left of the lightest motion.
-    pub mass_pivot: f64,
     pub counts: Counts,
 }
 
-impl Modal {
-    /// True where light bodies may be lost in M beside heavy ones: a factor of M knows them.
-    pub fn light(&self) -> bool {
-        self.mass_pivot.is_nan() || self.mass_pivot < LIGHTEST
-    }
+/// True where light bodies may be lost in M beside heavy ones: a factor of M knows them. O(n^3), a small share of `modes`.
+pub fn is_light(m: &Mat<f64>) -> bool {
+    !cholesky(m.as_ref()).is_ok_and(|l| smallest_pivot(&l, m) >= LIGHTEST)
+}
 
+/// Of M = L L^T, relative to its diagonal: what elimination has left of the lightest motion.
+fn smallest_pivot(l: &Mat<f64>, m: &Mat<f64>) -> f64 {
+    (0..l.nrows()).map(|i| l[(i, i)].powi(2) / m[(i, i)]).fold(1.0, f64::min)
+}
+
+impl Modal {
     /// True where a frequency of an assembled model is less accurate than the factor of its stiffness would make it.
     pub fn blurred(&self) -> bool {
         let elastic = self.kind.iter().zip(&self.error).filter(|(kind, _)| **kind != Kind::Rigid);
@@ -165,8 +168,7 @@ pub struct Eigensolution {
 impl Eigensolution {
     /// Modes with their estimates of error. The counts are those of this step alone.
     pub fn judged(&self) -> Result<Modal> {
-        let found = finish::finish(&self.system, &self.scale, self.raw.clone(), Counts::default())?;
-        Ok(Modal { mass_pivot: self.mass_pivot, ..found })
+        finish::finish(&self.system, &self.scale, self.raw.clone(), Counts::default())
     }
 
     /// True where modes are real and uncoupled.
@@ -236,7 +238,7 @@ pub fn eigensolution(system: &SecondOrder) -> Result<Eigensolution> {
         system.mf = Some(l.transpose().to_owned()); // the same mass from as many rows as coordinates
     }
     let raw = solve(&system, &l, &mut counts)?;
-    let mass_pivot = (0..l.nrows()).map(|i| l[(i, i)].powi(2) / system.m[(i, i)]).fold(1.0, f64::min);
+    let mass_pivot = smallest_pivot(&l, &system.m);
     Ok(Eigensolution { system, scale, raw, mass_pivot, counts })
 }
 

@@ -2,7 +2,7 @@
 use faer::prelude::*;
 use faer::{Mat, MatRef};
 
-use crate::linalg::dense::{C, EPS, absolute, dot, exceeds, frobenius, modulus, real_times};
+use crate::linalg::dense::{C, EPS, abs, absolute, dot, exceeds, frobenius, modulus, real_times};
 use crate::second_order::SecondOrder;
 use crate::tolerances::modes::{
     CLOSEST, DOUBLE_ROOT, DOUBTFUL, LARGEST_CORRECTION, MEETING, NEAR_DEFECTIVE, SEPARATED,
@@ -207,7 +207,7 @@ fn judge(
     }
     let (mut defect, mut spread, mut slope) = (C::ZERO, 0.0, 0.0);
     for i in 0..x.nrows() {
-        let (left, m, k) = (y[i].norm(), moduli[0][(i, j)], moduli[2][(i, j)]);
+        let (left, m, k) = (abs(y[i]), moduli[0][(i, j)], moduli[2][(i, j)]);
         let d = if products.d.is_some() { moduli[1][(i, j)] } else { 0.0 };
         defect += y[i] * products.residual(s, i, j);
         spread += left * (r * r * m + r * d + k);

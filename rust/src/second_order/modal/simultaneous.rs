@@ -11,7 +11,7 @@
 //! symmetric matrices.
 use faer::Mat;
 
-use crate::linalg::dense::{C, EPS, exceeds};
+use crate::linalg::dense::{C, EPS, abs, exceeds};
 
 /// y_k^T r_j and y_k^H r_j of all vectors k and some columns j.
 pub struct Projections {
@@ -31,17 +31,17 @@ impl Corrections {
     /// Of the pairs `columns`. Two pairs that nearly coincide, and are coupled by no more than rounding, stay as they are.
     pub fn new(found: &Projections, s: &[C], slope: &[C], columns: &[usize]) -> Self {
         let (n, m) = (s.len(), columns.len());
-        let weight: Vec<f64> = s.iter().map(|s| s.norm()).collect();
+        let weight: Vec<f64> = s.iter().map(|s| abs(*s)).collect();
         let own = Mat::from_fn(n, m, |k, c| {
             let (j, p) = (columns[c], found.plain[(k, c)]);
-            let (gap, rounding) = (s[k] - s[j], ROUNDING * (slope[k] * s[j]).norm() * (1.0 + (s[j] / s[k]).norm()));
-            let is_one = gap.norm() <= EPS.sqrt() * weight[j] && p.norm() <= rounding;
+            let gap = s[k] - s[j];
+            let rounding = || ROUNDING * abs(slope[k] * s[j]) * (1.0 + weight[j] / weight[k]);
+            let is_one = abs(gap) <= EPS.sqrt() * weight[j] && abs(p) <= rounding();
             if k == j || is_one { C::ZERO } else { p / (slope[k] * gap) }
         });
         let other =
             Mat::from_fn(n, m, |k, c| found.conjugate[(k, c)] / (slope[k] * (s[k] - s[columns[c]].conj())).conj());
-        let share =
-            Mat::from_fn(n, m, |k, c| (own[(k, c)].norm() + other[(k, c)].norm()) * weight[k] / weight[columns[c]]);
+        let share = Mat::from_fn(n, m, |k, c| (abs(own[(k, c)]) + abs(other[(k, c)])) * weight[k] / weight[columns[c]]);
         Corrections { own, other, share }
     }
 
