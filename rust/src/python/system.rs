@@ -35,6 +35,8 @@ use super::tables::{tables, values};
 
 /// Below this number of tree coordinates, rows and elements a thread of its own costs more than it protects.
 const SHORT: usize = 60;
+/// The same for a pass over an open tree, which takes some milliseconds then.
+const SHORT_PASS: usize = 1000;
 
 /// Joints, singular value, taken for redundant?, tolerance.
 type DoubtRow = (Vec<String>, f64, bool, f64);
@@ -52,8 +54,26 @@ pub fn run<T: Send + 'static>(
     system: &System,
     work: impl FnOnce(&System, &Cancel) -> Result<T> + Send + 'static,
 ) -> PyResult<T> {
+    run_below(SHORT, py, system, work)
+}
+
+/// The same for work that passes over the tree without iterations, in a time of O(n^2) where no loops are closed.
+fn run_pass<T: Send + 'static>(
+    py: Python<'_>,
+    system: &System,
+    work: impl FnOnce(&System, &Cancel) -> Result<T> + Send + 'static,
+) -> PyResult<T> {
+    run_below(if system.topology.rows.is_empty() { SHORT_PASS } else { SHORT }, py, system, work)
+}
+
+fn run_below<T: Send + 'static>(
+    short: usize,
+    py: Python<'_>,
+    system: &System,
+    work: impl FnOnce(&System, &Cancel) -> Result<T> + Send + 'static,
+) -> PyResult<T> {
     let (system, topology) = (system.clone(), &system.topology);
-    if system.n_tree() + topology.rows.len() + topology.connectors.len() + topology.tables.loads.len() < SHORT {
+    if system.n_tree() + topology.rows.len() + topology.connectors.len() + topology.tables.loads.len() < short {
         guarded(py, move || work(&system, &Cancel::default()))
     } else {
         interruptible(py, move |cancel| work(&system, cancel))
@@ -190,7 +210,7 @@ impl PySystem {
 
     fn with_values(&self, py: Python<'_>, x: PyReadonlyArray1<'_, f64>) -> PyResult<Self> {
         let x = values(&x);
-        run(py, &self.0, move |system, _| system.with_values(x)).map(PySystem)
+        run_pass(py, &self.0, move |system, _| system.with_values(x)).map(PySystem)
     }
 
     #[getter]
@@ -243,7 +263,7 @@ impl PySystem {
     #[pyo3(signature = (hold=false, without=Vec::new()))]
     fn assemble<'py>(&self, py: Python<'py>, hold: bool, without: Vec<String>) -> PyResult<Bound<'py, PyDict>> {
         let effects = effects(&without)?;
-        let (assembled, counts) = run(py, &self.0, move |system, _| {
+        let (assembled, counts) = run_pass(py, &self.0, move |system, _| {
             let mut counts = Counts::default();
             assemble(system, hold, effects, &mut counts).map(|a| (a, counts))
         })?;
@@ -360,7 +380,7 @@ impl PySystem {
             .into());
         }
         let turn = turn.as_ref().map(table);
-        let (lin, parts, counts) = run(py, &self.0, move |system, _| {
+        let (lin, parts, counts) = run_pass(py, &self.0, move |system, _| {
             let mut counts = Counts::default();
             let setting = Setting { system, state: &state, memory: &memory, acceleration: &acceleration, effects };
             let lin = linearize(&setting, &mut counts)?;
