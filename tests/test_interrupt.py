@@ -99,6 +99,12 @@ def chain(n):
 
 def ready():
     print("ready", flush=True)
+
+# what the calls import is there before Ctrl-C comes
+mb.simulate(chain(1), t=1e-3)
+tiny = mb.MechanicalSystem([[1.0]], [[0.05]], [[1.0]], elements=[mb.Cubic(0.7, w=[1.0])])
+mb.frequency_response(tiny, force=[0.3], omega=[0.3], harmonics=1)
+mb.accuracy_study, mb.effect_study, mb.equilibrium, mb.parameter_response
 """
 
 # name: a script that says when to interrupt it, and ends with 7 where it saw what it should have seen
