@@ -56,6 +56,7 @@ def test_a_process_that_is_killed_while_saving_leaves_a_whole_file(tmp_path, end
                 other.unlink()
 
 
+@pytest.mark.some(2)
 @pytest.mark.skipif(os.name != "posix", reason="limits of POSIX")
 @pytest.mark.parametrize("ending", [".nc", ".json", ".pkl", ".csv", ".toml", ".html"])
 def test_a_disk_that_is_full_leaves_the_old_file(tmp_path, ending):

@@ -51,6 +51,7 @@ LONG = {
 }
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("what", list(LONG))
 def test_ctrl_c_stops_a_call_that_runs(what, tmp_path):
     """SIGINT in the middle: KeyboardInterrupt, long before the call could have ended. The delay is printed, not judged."""
@@ -246,6 +247,7 @@ def interrupted(arguments, wait=0.7, **variables):
     return process.returncode, text, errors, time.monotonic() - sent
 
 
+@pytest.mark.some(3)
 @pytest.mark.parametrize("what", list(CUT))
 def test_ctrl_c_brings_what_there_is_and_goes_no_further(what, tmp_path):
     script = tmp_path / "cut.py"

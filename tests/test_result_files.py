@@ -35,6 +35,7 @@ def _same(one, other):
         assert a.dtype == b.dtype and a.tobytes() == b.tobytes(), quantity
 
 
+@pytest.mark.some(55)
 @ALL
 @pytest.mark.parametrize("ending", [".json", ".nc", ".JSON"])
 def test_files_give_the_same_object_back(results, name, ending, tmp_path):
@@ -133,6 +134,7 @@ def test_python_functions_of_a_model_are_imported_when_asked_for_only(tmp_path, 
         mb.simulate(m, t=[0.0, 0.1]).save(tmp_path / "lambda.json")
 
 
+@pytest.mark.some(3)
 @pytest.mark.parametrize("ending", [".json", ".nc"])
 @pytest.mark.parametrize("name", ["ModalResult", "Trajectory", "FrequencyResponse"])
 def test_damaged_files_are_named(results, name, ending, tmp_path):
@@ -189,6 +191,7 @@ def _mutated(tree, rng):
     return junk[int(rng.integers(len(junk)))]
 
 
+@pytest.mark.some(2)
 @pytest.mark.parametrize("name", ["ModalResult", "Equilibrium", "FrfResult", "PeriodicSolution", "CampbellResult"])
 def test_files_that_were_made_by_hand_end_in_a_result_or_a_named_error(results, name, tmp_path):
     """With a right checksum around wrong content."""

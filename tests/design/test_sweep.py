@@ -31,6 +31,7 @@ def processes():
         yield pool
 
 
+@pytest.mark.some(2)
 @pytest.mark.exact
 @pytest.mark.parametrize("outputs", [scenes.numbers, scenes.frequency, scenes.awkward, mb.outputs.modes(1, ["k"])])
 def test_bits_do_not_depend_on_executor_order_or_chunks(outputs, processes, tmp_path):

@@ -77,6 +77,7 @@ CASES = {
 }
 
 
+@pytest.mark.some(3)
 @pytest.mark.parametrize("name", CASES)
 def test_the_core_computes_what_python_computes(name):
     m = CASES[name](np.random.default_rng(41))
@@ -107,6 +108,7 @@ PORTS = {
 }
 
 
+@pytest.mark.some(3)
 @pytest.mark.parametrize("closed", [False, True])
 @pytest.mark.parametrize("ports", PORTS)
 def test_transfer_functions_are_those_of_python(closed, ports):

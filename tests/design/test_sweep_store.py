@@ -274,6 +274,7 @@ def client_that_aborts(folder, executor):
     mb.sweep(scenes.model(), scenes.designs(N), scenes.aborts, executor=executor, store=folder, chunk=6)
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("executor", [None, 2])
 def test_designs_that_end_the_client_are_found_by_the_next_call(tmp_path, executor):
     folder = tmp_path / "runs"

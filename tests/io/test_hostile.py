@@ -29,6 +29,7 @@ def need(kind):
         pytest.importorskip(library, reason=f"pip install {library}")
 
 
+@pytest.mark.some(4)
 @pytest.mark.parametrize("kind", OURS)
 def test_damaged_files_are_named_errors(kind, tmp_path):
     """300 mutations each, or a file that still can be read."""

@@ -316,6 +316,7 @@ def analyses(m):
     yield lambda: mb.equilibrium(m)
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("part", [pytest.param(1, marks=pytest.mark.slow), 0, 2])
 def test_absurd_scales(part):
     """Results are finite or an error says in words why not."""

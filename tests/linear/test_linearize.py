@@ -84,6 +84,7 @@ def reference_pose(m, sys):
     return reference_state(m, drawn(m), sys)
 
 
+@pytest.mark.some(3)
 @pytest.mark.parametrize("kinds, rod", LOOPS)
 def test_loops(kinds, rod):
     """One or two loops, at an advanced state, at rest and moving (B'' turns in time)."""
@@ -132,6 +133,7 @@ def test_inconsistent_velocities_are_reported():
     np.testing.assert_allclose(lin.poses["velocity"], [[1, 0, 0]], atol=1e-14)
 
 
+@pytest.mark.some(2)
 @pytest.mark.filterwarnings("ignore::mbrs.errors.MbrsWarning")
 @pytest.mark.parametrize(
     "effect", ["gravity", "gyroscopic", "centrifugal", "preload-stiffness", "constraint-force-stiffness", "damping"]

@@ -99,6 +99,7 @@ def test_bad_input_changes_nothing(words):
     assert not m.airs and same_tables(tables(m), before) == []
 
 
+@pytest.mark.some(2)
 @pytest.mark.parametrize(
     "name, value", [("speed", -3.0), ("shear", -0.1), ("density", 0.0), ("reference_height", -1.0)]
 )

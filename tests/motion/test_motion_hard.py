@@ -42,6 +42,7 @@ PASSED = {
 }
 
 
+@pytest.mark.some(5)
 # lengths that differ by any noise make another linkage at a pose where two branches meet
 @pytest.mark.exact
 @pytest.mark.parametrize("method", PASSED)
@@ -92,6 +93,7 @@ def test_mass_ratio(ratio):
     assert error < 1e-8
 
 
+@pytest.mark.some(2)
 @pytest.mark.parametrize("method", METHODS)
 def test_steps_of_1e_7(method):
     """Neither positions nor multipliers lose digits by 1/h^2."""
@@ -215,6 +217,7 @@ def stick_slip_truth(times, mass, k, kt, slip, speed, c=0.0, push=lambda t: 0.0)
     return np.array([out[t] for t in times])
 
 
+@pytest.mark.some(2)
 @pytest.mark.parametrize("method", METHODS)
 def test_stick_slip(method):
     mass, k, kt, slip, speed = 1.0, 60.0, 800.0, 3.0, 1.5
@@ -231,6 +234,7 @@ def test_stick_slip(method):
     assert errors[1] < 0.05 * errors[0] and errors[1] < 1e-6
 
 
+@pytest.mark.some(2)
 @pytest.mark.parametrize(("method", "factor"), [("explicit", 5), ("radau", 50), ("bdf", 50)])
 def test_turns_of_a_slider_from_rest(method, factor):
     """Fifteen turns of a slider, from rest under a force that grows from nothing: the error falls with the tolerance."""

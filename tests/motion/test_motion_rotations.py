@@ -77,6 +77,7 @@ class Top:
         return np.abs(place - self.truth(t)).max() / self.length
 
 
+@pytest.mark.some(4)
 @pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize(("method", "rho"), METHODS)
 def test_methods_of_order_two_have_it_for_tops(method, rho, seed):
@@ -124,6 +125,7 @@ def test_the_heavy_top_over_two_seconds():
     assert fine < 2e-4
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("method", ["generalized-alpha", "ali3p"])
 def test_shorter_steps_are_more_accurate(method):
     """Newton's method stops by relative progress: a step that moves little is solved as well as a long one."""

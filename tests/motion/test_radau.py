@@ -154,6 +154,7 @@ def test_errors_do_not_grow_with_stiffness(stiff):
     assert error < 2e-4 and len(traj.steps) < (2000 if stiff == 1e4 else 200)
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("order", [5, 9])
 def test_estimates_tell_the_error(order):
     ratios = []

@@ -37,6 +37,7 @@ def test_the_script_of_the_contract_runs(tmp_path):
     traj.save(tmp_path / "run.pkl")
 
 
+@pytest.mark.some(10)
 @pytest.mark.parametrize(
     ("method", "order", "steps"),
     [("generalized-alpha", 2, (200, 400)), ("bdf", 4, (200, 400)), ("radau", 5, (40, 80)), ("explicit", 8, (12, 24))],
@@ -335,6 +336,7 @@ def test_a_step_limit_keeps_the_partial_trajectory():
     assert caught.value.result.status == "stopped" and len(caught.value.result.t) == 6
 
 
+@pytest.mark.some(5)
 @pytest.mark.parametrize("method", ["explicit", "generalized-alpha", "radau", "bdf", "ali3p"])
 @pytest.mark.parametrize("law", [None, mb.Jenkins(400.0, 2.0)])
 def test_from_rest_under_a_force_that_grows_from_nothing(method, law):

@@ -124,6 +124,7 @@ def test_unresolved_relaxation_oscillation():
     assert one.status == "unresolved" and one.error > 0.1
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("tol", [1e-4, 1e-8])
 def test_quasi_periodic(tol):
     forces = [dict(force=[-0.25j], omega=1.5), dict(force=[-0.25j], omega=1.5 * np.sqrt(2))]

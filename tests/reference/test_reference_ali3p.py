@@ -60,6 +60,7 @@ def test_point_converges_to_the_known_gradient():
     assert np.all(np.abs(ratio - 4) < 0.4)
 
 
+@pytest.mark.some(2)
 @pytest.mark.parametrize("weight", ["tangent", "mass"])
 @pytest.mark.parametrize("h", [2e-2, 1e-3])
 @pytest.mark.parametrize("mech", [FiveBar(), NonholonomicPoint()], ids=["five-bar", "point"])
@@ -139,6 +140,7 @@ def test_the_penalty_decides_the_passes_and_not_the_motion(mech):
             assert getattr(end, name) == pytest.approx(getattr(ends[-1], name), abs=1e-9)
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("weight", ["tangent", "mass"])
 def test_projections_remove_what_the_trapezoidal_rule_leaves(weight):
     """Before the projections the rows of velocities miss by an error of order 2, those of accelerations of order 1; then by rounding."""

@@ -51,6 +51,7 @@ def agree(found, expected, tolerance=1e-12):
         assert np.max(np.abs(a - e), initial=0.0) <= tolerance * scale, name
 
 
+@pytest.mark.some(7)
 @pytest.mark.parametrize("flip", [False, True])
 @pytest.mark.parametrize("kind", KINDS[:-1])
 def test_trees_off_equilibrium_at_rest_and_moving(kind, flip):

@@ -27,6 +27,7 @@ def test_modes_of_ladders(n, order, numbers):
     assert np.allclose(r.omega, w, rtol=(1e-13 + jitter.level()) * (10 + n)) and r.status == "converged"
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("numbers", LADDERS, ids=("short", "long"))
 def test_estimates_of_ladders(numbers):
     """Rounding of places and of the rows of joints, which grows with the height: no estimate is below the error, none absurd."""
