@@ -56,9 +56,10 @@ def test_a_process_that_is_killed_while_saving_leaves_a_whole_file(tmp_path, end
                 other.unlink()
 
 
-@pytest.mark.some(2)
 @pytest.mark.skipif(os.name != "posix", reason="limits of POSIX")
-@pytest.mark.parametrize("ending", [".nc", ".json", ".pkl", ".csv", ".toml", ".html"])
+@pytest.mark.parametrize(
+    "ending", [".json", ".html", *(pytest.param(e, marks=pytest.mark.slow) for e in (".nc", ".pkl", ".csv", ".toml"))]
+)
 def test_a_disk_that_is_full_leaves_the_old_file(tmp_path, ending):
     """No file may grow beyond 500 bytes: every save fails, the interpreter lives, the old file is as it was."""
     path = tmp_path / f"old{ending}"

@@ -89,6 +89,12 @@ def squeezed(text):
     return re.sub(r"\s+", " ", re.sub(r"\n\s*(?://[/!]?|#:?)?[ \t]*", " ", text)).strip()
 
 
+@cache
+def nodes(source):
+    """All nodes of the syntax tree."""
+    return list(ast.walk(ast.parse(source)))
+
+
 def python_prose(source):
     """(line, text) of comments, docstrings and literals."""
     comment, last = [], -2
@@ -103,7 +109,7 @@ def python_prose(source):
             last = line
     if comment:
         yield comment[0], squeezed(" ".join(comment[1:]))
-    for node in ast.walk(ast.parse(source)):
+    for node in nodes(source):
         if isinstance(node, ast.Constant) and isinstance(node.value, str):
             yield node.lineno, squeezed(node.value)
 
@@ -152,7 +158,7 @@ BEGINNING = re.compile(r"(?:What|How|Where|Which|Whether|Why|Of|Those|That)\b")
 
 def clauses(source):
     """(line, first line) of docstrings that begin with a clause in the place of a noun."""
-    for node in ast.walk(ast.parse(source)):
+    for node in nodes(source):
         if isinstance(node, (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)):
             head = (ast.get_docstring(node) or "").partition("\n")[0]
             if BEGINNING.match(head):
@@ -174,7 +180,7 @@ OBSCURE = {
 
 def defined(source):
     """(line, name) of functions and classes."""
-    for node in ast.walk(ast.parse(source)):
+    for node in nodes(source):
         if isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef)):
             yield node.lineno, node.name
 

@@ -42,7 +42,7 @@ PASSED = {
 }
 
 
-@pytest.mark.some(5)
+@pytest.mark.some(3)
 # lengths that differ by any noise make another linkage at a pose where two branches meet
 @pytest.mark.exact
 @pytest.mark.parametrize("method", PASSED)
