@@ -338,7 +338,10 @@ def end(client):
 @pytest.mark.exact
 @pytest.mark.parametrize(
     ("kind", "deaths"),
-    [("processes", 6), *(pytest.param(kind, 7, marks=pytest.mark.slow) for kind in ("here", "threads"))],
+    [
+        ("processes", 2),
+        *(pytest.param(kind, n, marks=pytest.mark.slow) for kind, n in (("processes", 6), ("here", 7), ("threads", 7))),
+    ],
 )
 def test_killed_clients_leave_bit_identical_results(tmp_path, kind, deaths):
     """20 deaths in all over the three kinds, at random moments."""

@@ -378,6 +378,7 @@ def test_a_large_column_under_a_follower():
     assert np.all(np.abs(order - 2) < 0.3)
 
 
+@pytest.mark.slow
 def test_a_large_model_of_flexible_bodies():
     """Cantilevers clamped end to end are one cantilever, whose modes are w_j = (beta_j/L)^2 sqrt(EI/m)."""
     n, each = 520, 0.5
@@ -430,6 +431,7 @@ def spinning(n, spin, k=10.0):
     return m
 
 
+@pytest.mark.slow
 def test_a_large_stack_of_spinning_discs():
     """I_t w^2 -+ I_p W w - k_j = 0, k_j = 4 k sin^2((2j - 1) pi/(4n + 2))."""
     n, count, spin, k = 700, 9, 0.01, 10.0

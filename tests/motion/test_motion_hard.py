@@ -107,6 +107,7 @@ def test_steps_of_1e_7(method):
     assert error < 1e-12 and force < 1e-8
 
 
+@pytest.mark.slow
 def test_a_thousand_seconds_of_a_double_pendulum():
     problem = zoo.double_pendulum()
     traj = mb.simulate(problem.model, np.linspace(0, 1000, 501), rtol=1e-9)

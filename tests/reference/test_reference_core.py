@@ -95,6 +95,7 @@ def test_effects_switched_off(effect):
     agree(*both(t, state, 0.3 * np.random.default_rng(3).normal(size=System(t).ny), (effect,)))
 
 
+@pytest.mark.oracle
 def test_derivatives_that_follow_the_equilibrium():
     """The core's derivatives against complex steps of the reference through the whole chain, to 1e-9."""
     b = loaded_mechanism()
