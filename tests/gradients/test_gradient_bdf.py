@@ -41,7 +41,7 @@ def apart(run, m):
     return np.abs(back - exact).max() / np.abs(exact).max()
 
 
-@pytest.mark.some(12)
+@pytest.mark.some(8)
 @pytest.mark.parametrize("name", SCENES)
 def test_adjoint_is_direct_in_every_scene(name):
     m = silent(SCENES[name])

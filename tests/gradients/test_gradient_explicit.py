@@ -12,7 +12,7 @@ from test_gradient_hand import against_direct
 EXPLICIT = {"scheme": "explicit"}
 
 
-@pytest.mark.some(16)
+@pytest.mark.some(12)
 @pytest.mark.parametrize("name", SCENES)
 def test_adjoint_is_direct_in_every_scene(name):
     error = against_direct(silent(SCENES[name]), "explicit")

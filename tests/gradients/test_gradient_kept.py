@@ -46,7 +46,7 @@ def compared(m, scheme, t, rtol):
     return np.abs((values - other) / sizes).max(), np.abs(slopes - again).max() / np.abs(again).max(), n
 
 
-@pytest.mark.some(24)
+@pytest.mark.some(16)
 @pytest.mark.parametrize("scheme", SCHEMES)
 @pytest.mark.parametrize("name", SCENES)
 def test_kept_steps_are_those_that_are_made_again(name, scheme):

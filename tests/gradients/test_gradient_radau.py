@@ -15,7 +15,7 @@ RADAU = {"scheme": "radau"}
 SKEW = np.array([0.48, 0.64, -0.6])
 
 
-@pytest.mark.some(16)
+@pytest.mark.some(12)
 @pytest.mark.parametrize("name", SCENES)
 def test_adjoint_is_direct_in_every_scene(name):
     error = against_direct(silent(SCENES[name]), "radau")

@@ -39,7 +39,7 @@ def redrawn(family, change, seed):
     return CHANGES[change](rng, seed)(model)
 
 
-@pytest.mark.some(44)
+@pytest.mark.some(25)
 @pytest.mark.parametrize(
     "seeds", [range(6), pytest.param(range(6, MODELS), marks=pytest.mark.slow)], ids=["few", "more"]
 )

@@ -142,7 +142,7 @@ def planar_truth():
     return np.sqrt(slope(lambda q: slope(potential, q), rest) / inertia(rest)) / (2 * np.pi), moved
 
 
-@pytest.mark.some(27)
+@pytest.mark.some(18)
 @pytest.mark.parametrize("delta", FREE)
 @pytest.mark.parametrize("analysis", ANALYSES)
 def test_a_little_tilt_is_the_planar_four_bar(analysis, delta):

@@ -114,6 +114,7 @@ def heavy_top_error(t, **options):
     return problem.error(traj.t, problem.places(traj))
 
 
+@pytest.mark.slow
 def test_the_heavy_top_over_two_seconds():
     for rho, most in ((0.8, 2e-4), (1.0, 2e-4)):
         fine = heavy_top_error(2.0, step=1e-4, method="generalized-alpha", rho=rho)

@@ -37,7 +37,7 @@ def test_the_script_of_the_contract_runs(tmp_path):
     traj.save(tmp_path / "run.pkl")
 
 
-@pytest.mark.some(10)
+@pytest.mark.some(8)
 @pytest.mark.parametrize(
     ("method", "order", "steps"),
     [("generalized-alpha", 2, (200, 400)), ("bdf", 4, (200, 400)), ("radau", 5, (40, 80)), ("explicit", 8, (12, 24))],

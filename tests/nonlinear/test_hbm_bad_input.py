@@ -179,7 +179,7 @@ def _too_slow(*_):
     raise TimeoutError
 
 
-@pytest.mark.some(57)
+@pytest.mark.some(38)
 @pytest.mark.parametrize(
     ("analysis", "argument"),
     [(name, argument) for name in CALLS for argument in inspect.signature(getattr(mb, name)).parameters],
