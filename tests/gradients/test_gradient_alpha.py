@@ -11,7 +11,6 @@ from test_gradient import FIVE_BAR, LENGTHS, SOME, against_the_reference, differ
 ALPHA = {"scheme": "generalized-alpha"}
 
 
-@pytest.mark.some(4)
 @pytest.mark.parametrize("make", [five_bar, open_chain, spatial_loop, blade], ids=lambda f: f.__name__)
 @pytest.mark.parametrize("rho", [0.8, 1.0, 0.3])
 def test_the_values_are_those_of_the_simulation(make, rho):
