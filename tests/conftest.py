@@ -11,6 +11,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import jitter
 import pytest
+import representatives
 from manual.record import make
 
 os.environ["COLUMNS"] = "120"
@@ -42,8 +43,12 @@ def noise_on_the_numbers_of_models():
         yield
 
 
+@pytest.hookimpl(tryfirst=True)  # before pytest selects by marks
 def pytest_collection_modifyitems(items):
-    """Tests marked ``exact`` are about equal bits or printed digits, which noise changes by design."""
+    """Of tests marked ``some`` most cases are slow; tests marked ``exact`` are about equal bits or printed digits, which noise
+    changes by design.
+    """
+    representatives.mark_others_slow(items)
     if jitter.seed() is None:
         return
     skip = pytest.mark.skip(reason="about equal bits or printed digits, which noise on the numbers changes by design")

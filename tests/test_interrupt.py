@@ -51,7 +51,9 @@ LONG = {
 }
 
 
-@pytest.mark.parametrize("what", list(LONG))
+@pytest.mark.parametrize(
+    "what", ["time response", *(pytest.param(w, marks=pytest.mark.slow) for w in LONG if w != "time response")]
+)
 def test_ctrl_c_stops_a_call_that_runs(what, tmp_path):
     """SIGINT in the middle: KeyboardInterrupt, long before the call could have ended. The delay is printed, not judged."""
     script = tmp_path / "long.py"
@@ -252,6 +254,7 @@ def interrupted(arguments, wait=0.7, **variables):
     return process.returncode, text, errors, time.monotonic() - sent
 
 
+@pytest.mark.some(3)
 @pytest.mark.parametrize("what", list(CUT))
 def test_ctrl_c_brings_what_there_is_and_goes_no_further(what, tmp_path):
     script = tmp_path / "cut.py"
@@ -298,7 +301,7 @@ def test_an_interrupt_pickles_with_its_result():
 
 def test_other_threads_run_while_the_core_works():
     """The counting thread gets the interpreter during the solve, not only before and after it."""
-    n = 500
+    n = 350
     rng = np.random.default_rng(1)
     a = rng.normal(size=(n, n))
     system = mb.MechanicalSystem(np.eye(n), np.diag(rng.random(n)), a @ a.T + np.eye(n))

@@ -58,6 +58,7 @@ def arguments():
     return [(name, argument) for name, (call, _) in CALLS.items() for argument in inspect.signature(call).parameters]
 
 
+@pytest.mark.some(25)
 @pytest.mark.parametrize(("name", "argument"), arguments())
 def test_junk(name, argument):
     call, given = CALLS[name]

@@ -12,6 +12,7 @@ import re
 import tokenize
 from functools import cache
 from pathlib import Path
+from typing import NamedTuple
 
 import pytest
 from folders import ROOT
@@ -89,6 +90,28 @@ def squeezed(text):
     return re.sub(r"\s+", " ", re.sub(r"\n\s*(?://[/!]?|#:?)?[ \t]*", " ", text)).strip()
 
 
+class Tree(NamedTuple):
+    """What the syntax tree of a source holds, each with its line: literals, heads of docstrings, names of functions and classes."""
+
+    literals: list[tuple[int, str]]
+    heads: list[tuple[int, str]]
+    names: list[tuple[int, str]]
+
+
+@cache
+def tree(source):
+    found = Tree([], [], [])
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.Constant) and isinstance(node.value, str):
+            found.literals.append((node.lineno, squeezed(node.value)))
+        elif isinstance(node, (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)):
+            line = getattr(node, "lineno", 1)
+            found.heads.append((line, (ast.get_docstring(node) or "").partition("\n")[0]))
+            if not isinstance(node, ast.Module):
+                found.names.append((line, node.name))
+    return found
+
+
 def python_prose(source):
     """(line, text) of comments, docstrings and literals."""
     comment, last = [], -2
@@ -103,9 +126,7 @@ def python_prose(source):
             last = line
     if comment:
         yield comment[0], squeezed(" ".join(comment[1:]))
-    for node in ast.walk(ast.parse(source)):
-        if isinstance(node, ast.Constant) and isinstance(node.value, str):
-            yield node.lineno, squeezed(node.value)
+    yield from tree(source).literals
 
 
 def page_prose(source):
@@ -152,11 +173,7 @@ BEGINNING = re.compile(r"(?:What|How|Where|Which|Whether|Why|Of|Those|That)\b")
 
 def clauses(source):
     """(line, first line) of docstrings that begin with a clause in the place of a noun."""
-    for node in ast.walk(ast.parse(source)):
-        if isinstance(node, (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)):
-            head = (ast.get_docstring(node) or "").partition("\n")[0]
-            if BEGINNING.match(head):
-                yield getattr(node, "lineno", 1), head
+    yield from ((line, head) for line, head in tree(source).heads if BEGINNING.match(head))
 
 
 def test_docstrings_begin_with_a_noun_or_a_verb():
@@ -172,15 +189,8 @@ OBSCURE = {
 }  # fmt: skip
 
 
-def defined(source):
-    """(line, name) of functions and classes."""
-    for node in ast.walk(ast.parse(source)):
-        if isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef)):
-            yield node.lineno, node.name
-
-
 def test_names_are_nouns_and_verbs():
-    found = [(path, *n) for path in files("python/mbrs") if path.suffix == ".py" for n in defined(read(path))]
+    found = [(path, *n) for path in files("python/mbrs") if path.suffix == ".py" for n in tree(read(path)).names]
     wrong = [f"{path.relative_to(ROOT)}:{n}: {name}" for path, n, name in found if name.lower().strip("_") in OBSCURE]
     assert len(found) > 2000 and not wrong, "\n".join(wrong)
 

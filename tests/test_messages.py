@@ -48,6 +48,7 @@ def test_the_reason_of_a_method_names_its_bounds():
     assert "not stiff" in route and "implicit steps pay above 3e2" in route and "above 4e1" in route
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("name", ["plot.motion.plot", "view.motion.motion", "plot.nonlinear.curve", "view.modes.modes"])
 def test_modules_that_docstrings_name_are_there_without_an_import(name):
     code = f"import mbrs as mb; print(callable(mb.{name}))"

@@ -85,6 +85,7 @@ def test_converged_has_an_estimate(results, name):
         assert result.error is not None and not np.any(np.isnan(np.asarray(result.error, dtype=float)))
 
 
+@pytest.mark.some(25)
 @ALL
 def test_results_draw(results, name):
     result = results(name)

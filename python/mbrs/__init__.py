@@ -70,7 +70,8 @@ def __getattr__(name: str) -> Any:
     else:
         import difflib
 
-        near = difflib.get_close_matches(name, __all__, n=1)
+        # hidden names are what programs look for in every module
+        near = [] if name.startswith("_") else difflib.get_close_matches(name, __all__, n=1)
         hint = f"; did you mean {near[0]!r}?" if near else ""
         raise AttributeError(f"module 'mbrs' has no attribute {name!r}{hint}")
     globals()[name] = value

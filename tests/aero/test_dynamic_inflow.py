@@ -52,6 +52,7 @@ def test_the_lags_are_oeyes():
     assert second == pytest.approx(first * [0.39, 0.39 - 0.26 * 0.49, 0.13])
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("inflow", ["bem", "dynamic-inflow"])
 def test_steady_ends_are_those_of_the_performance(inflow):
     rotor = turbine(precone=0.1)

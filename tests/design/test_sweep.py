@@ -14,6 +14,7 @@ import pytest
 import sweep_scenes as scenes
 from mbrs.design.chunk import Chunk
 from mbrs.design.client import CHUNK_SECONDS, LARGEST_CHUNK, PILOT, Sizes
+from mbrs.design.store import Store
 from scipy import stats
 
 N = 60
@@ -31,6 +32,7 @@ def processes():
         yield pool
 
 
+@pytest.mark.some(2)
 @pytest.mark.exact
 @pytest.mark.parametrize("outputs", [scenes.numbers, scenes.frequency, scenes.awkward, mb.outputs.modes(1, ["k"])])
 def test_bits_do_not_depend_on_executor_order_or_chunks(outputs, processes, tmp_path):
@@ -269,6 +271,19 @@ def test_ctrl_c_raises_with_what_there_is_and_the_same_call_goes_on(executor, tm
     whole = mb.sweep(m, designs, scenes.numbers)
     for name, array in so_far.outputs.items():
         assert np.array_equal(array[so_far.done], whole.outputs[name][so_far.done])
+
+
+def test_ctrl_c_between_a_mark_and_its_designs_leaves_no_mark(tmp_path, monkeypatch):
+    begin = Store.begin
+
+    def interrupted(store, first, n):
+        begin(store, first, n)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Store, "begin", interrupted)
+    with pytest.raises(mb.Interrupted):
+        mb.sweep(scenes.model(), scenes.designs(N), scenes.numbers, store=tmp_path / "runs")
+    assert (tmp_path / "runs").is_dir() and not list((tmp_path / "runs").glob("begun-*"))
 
 
 def test_signal_handlers_are_given_back():

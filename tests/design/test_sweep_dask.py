@@ -87,6 +87,7 @@ def test_the_loss_of_a_worker_and_a_restart_change_nothing(client):
     assert runs.done.all() and bits(runs) == bits(mb.sweep(m, designs, scenes.numbers))
 
 
+@pytest.mark.slow
 def test_a_design_that_takes_too_long_is_cut_on_a_cluster(client):
     runs = mb.sweep(scenes.model(), scenes.designs(6), scenes.spins, executor=client, time_limit=0.3, chunk=3)
     assert runs.failures.design.tolist() == [2] and set(runs.failures.reason) == {"timeout"}

@@ -77,6 +77,7 @@ CASES = {
 }
 
 
+@pytest.mark.some(3)
 @pytest.mark.parametrize("name", CASES)
 def test_the_core_computes_what_python_computes(name):
     m = CASES[name](np.random.default_rng(41))
@@ -107,6 +108,7 @@ PORTS = {
 }
 
 
+@pytest.mark.some(3)
 @pytest.mark.parametrize("closed", [False, True])
 @pytest.mark.parametrize("ports", PORTS)
 def test_transfer_functions_are_those_of_python(closed, ports):
@@ -348,7 +350,7 @@ def test_what_is_done_before_an_interrupt_is_kept(monkeypatch):
 
 
 MILLION = """
-import resource, sys
+import sys
 import mbrs as mb
 import numpy as np
 m = mb.Model("one")
@@ -360,7 +362,8 @@ for _ in range(2):
     runs = mb.sweep(m, mb.design.from_table({"k": k}), outputs, executor=2, store=sys.argv[1])
     assert runs.done.all()
     assert np.abs(runs["frequency"][:, 0] * (2 * np.pi) - np.sqrt(k / 1.3)).max() < 1e-9
-print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
+# the largest size that getrusage tells may be that of the process that started this one
+print(next(line.split()[1] for line in open("/proc/self/status") if line.startswith("VmHWM")))
 """
 
 

@@ -100,6 +100,7 @@ def test_designs_that_do_not_fit_are_named(designs, message):
         runs.tell([[1.0, 1.0, 1.0]], [None, None])
 
 
+@pytest.mark.slow
 def test_a_search_of_scipy_goes_on_for_nothing(tmp_path):
     from scipy.optimize import differential_evolution
 

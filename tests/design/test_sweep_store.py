@@ -274,6 +274,7 @@ def client_that_aborts(folder, executor):
     mb.sweep(scenes.model(), scenes.designs(N), scenes.aborts, executor=executor, store=folder, chunk=6)
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("executor", [None, 2])
 def test_designs_that_end_the_client_are_found_by_the_next_call(tmp_path, executor):
     folder = tmp_path / "runs"
@@ -337,7 +338,10 @@ def end(client):
 @pytest.mark.exact
 @pytest.mark.parametrize(
     ("kind", "deaths"),
-    [("processes", 6), *(pytest.param(kind, 7, marks=pytest.mark.slow) for kind in ("here", "threads"))],
+    [
+        ("processes", 2),
+        *(pytest.param(kind, n, marks=pytest.mark.slow) for kind, n in (("processes", 6), ("here", 7), ("threads", 7))),
+    ],
 )
 def test_killed_clients_leave_bit_identical_results(tmp_path, kind, deaths):
     """20 deaths in all over the three kinds, at random moments."""

@@ -126,6 +126,7 @@ def test_car_by_every_number_over_the_bump(monkeypatch, car):
 PARTICLE = np.array([3.89396846, 0.02152155, -0.21521547, 0.29491657])
 
 
+@pytest.mark.slow
 def test_nonholonomic_particle_has_the_known_gradient():
     """Second order in the step; what extrapolation leaves."""
     m = mb.examples.nonholonomic_particle()

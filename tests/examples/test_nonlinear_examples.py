@@ -75,6 +75,7 @@ def test_script_agrees_with_its_references(script, tmp_path):
         assert content.startswith(b"\x89PNG") and len(content) > 8000, name
 
 
+@pytest.mark.slow
 def test_relaxation_example_says_that_it_is_not_resolved():
     poor = mb.limit_cycle(mb.examples.van_der_pol(20.0), harmonics=15)
     assert poor.status == "unresolved" and abs(poor.period / 34.68232331 - 1) > 0.5 and poor.error > 0.1

@@ -101,6 +101,7 @@ def test_motion_against_the_modal_method(rotor):
     assert np.abs(found).max() > 1.0
 
 
+@pytest.mark.slow
 def test_the_difference_to_the_modal_method_is_of_second_order():
     """A tenth of weight and no air: relative differences fall by about ten."""
     off = []

@@ -220,6 +220,7 @@ def test_length_of_a_boom_built_again(theory, rate):
         assert tip == pytest.approx([1.3 + h, 0.2, 0.3], abs=1e-12)
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("way", ["pickle", "toml"])
 def test_models_of_such_beams_are_kept(way, tmp_path):
     m = cantilever()

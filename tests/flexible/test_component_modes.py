@@ -41,6 +41,7 @@ def test_craig_bampton_of_a_beams_own_matrices_is_the_beam(fixed):
         assert np.abs(c.S).max() < 1e-7, "mean axes"
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("fixed", ["root", None])
 def test_what_a_mass_matrix_does_not_tell_comes_with_the_mesh(fixed):
     """P1 and P2 of craig_bampton: errors of second order in the element length."""

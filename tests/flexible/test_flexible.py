@@ -24,6 +24,7 @@ def random_state(model, rng, size=0.1, moving=True):
     return q, rng.standard_normal(core.n_tree) if moving else np.zeros(0)
 
 
+@pytest.mark.some(12)
 @pytest.mark.parametrize("without", [(), ("constraint-force-stiffness",), ("preload-stiffness",)], ids=str)
 @pytest.mark.parametrize("moving", [False, True])
 @pytest.mark.parametrize("name", ["tumbling", "pendulum", "by the tip", "cantilever"])

@@ -374,7 +374,7 @@ def test_examples_in_docstrings(name):
     assert found.attempted > 0 and found.failed == 0
 
 
-@pytest.mark.parametrize("elements", [7, 40, 160])
+@pytest.mark.parametrize("elements", [7, 40, pytest.param(160, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("theory", ["euler-bernoulli", "timoshenko"])
 def test_a_fine_mesh_loses_no_digits_of_its_stiffness(elements, theory):
     """A clamped beam with a load at its end: L^3/(3 EI), with shear + L/GA. From K itself 160 elements lost half of all digits."""
@@ -392,6 +392,7 @@ def test_a_fine_mesh_loses_no_digits_of_its_stiffness(elements, theory):
     assert abs(h / known - 1) < 1e-12 + 10 * jitter.level()
 
 
+@pytest.mark.some(1)
 @pytest.mark.exact  # off the axis by the noise there is inertia
 @pytest.mark.parametrize("joint", ["revolute", "spherical", "cylindrical"])
 def test_a_beam_that_may_spin_about_its_axis_without_inertia_is_refused(joint):

@@ -62,6 +62,7 @@ def read(folder):
     return outcome
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("seed", range(3))
 def test_random_damage(seed, tmp_path):
     """Bytes changed, cut out, doubled, cut off, in the headers more often than elsewhere."""
@@ -131,6 +132,7 @@ def test_arrays_of_other_kinds_and_shapes(tmp_path):
     assert {kind for kind, *_ in outcome.values()} <= {"body", "ModelError", "InertiaError"}
 
 
+@pytest.mark.some(2)
 @pytest.mark.parametrize(
     "shape", ["(1000000, 1000000)", "(2, 9223372036854775807)", "(-1, -7)", "(2, 2, 9)", "('a', 2)", "2"]
 )

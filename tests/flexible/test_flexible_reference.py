@@ -167,6 +167,7 @@ def test_held_shapes_are_a_rigid_body():
     assert wrench["flexible"] == pytest.approx(wrench["rigid"], rel=1e-11)
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("stiffening", [True, False])
 def test_energy_of_a_free_flight(stiffening):
     """Large rotation and bending, second-order shapes included: inertia, weight and elasticity keep the energy."""

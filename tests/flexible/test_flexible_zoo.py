@@ -43,6 +43,7 @@ def balanced(model):
         return None
 
 
+@pytest.mark.some(8)
 @pytest.mark.filterwarnings("ignore")
 @pytest.mark.parametrize("name, body", list(pairs()))
 def test_stiff_bodies_are_rigid_ones(name, body):
@@ -64,6 +65,7 @@ def test_stiff_bodies_are_rigid_ones(name, body):
     assert distance[0] < 0.1
 
 
+@pytest.mark.some(8)
 @pytest.mark.filterwarnings("ignore")
 @pytest.mark.parametrize("name, body", list(pairs()))
 def test_motion_and_transfer_function_run(name, body):

@@ -52,6 +52,7 @@ def euler(seed):
     return square
 
 
+@pytest.mark.some(4)
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("share", [-0.5, 0.02, 0.3, 0.9, 0.99])
 def test_a_dead_load(seed, share):
@@ -60,6 +61,7 @@ def test_a_dead_load(seed, share):
     assert found == pytest.approx(truth, rel=2e-3, abs=2e-4)
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("seed", range(2))
 def test_eulers_load(seed):
     """Modes of the unloaded column are no buckling shape: eight leave 1e-5 of the load, one with a static shape of the tip less."""
@@ -78,6 +80,7 @@ def test_becks_column():
     assert growth(20.03) < 1e-4 < 0.1 < growth(20.07)
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("parts", [2, 4])
 def test_welded_parts_agree(parts):
     share = 0.7
@@ -102,6 +105,7 @@ def tension(n, force, weight=0.0, spin=None):
     return np.sqrt(np.min(np.linalg.eigvals(np.linalg.solve(M[2:, 2:], K[2:, 2:])).real))
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("seed", range(3))
 def test_a_mass_at_the_tip_of_a_rotor(seed):
     """Centrifugal stiffening by a mass that is welded to the tip: N(x) = W^2 (M (1 + r) + (1 - x)(r + (1 + x)/2))."""
@@ -126,6 +130,7 @@ def test_a_mass_at_the_tip_of_a_rotor(seed):
     assert found == pytest.approx(truth, rel=1e-3)
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("seed", range(2))
 def test_a_mass_on_a_column(seed):
     """Under gravity its own weight and that of the mass on top soften the column: N(x) = -g (M + 1 - x)."""
@@ -142,6 +147,7 @@ def test_a_mass_on_a_column(seed):
     assert mb.modes(m).omega[0] == pytest.approx(truth, rel=1e-4)
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("free", [False, True])
 def test_a_pinned_column(free):
     """Both ends hinged: pi^2 EI/L^2, of a beam that is held at its root and of a free one."""
@@ -208,6 +214,7 @@ def narrow(seed, load, weight):
     return float(np.min(np.linalg.eigvals(np.linalg.solve(lin.M, lin.K)).real))
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("seed", range(2))
 def test_lateral_buckling(seed):
     """Prandtl 1899: a tip load of 4.0126 sqrt(EI GJ)/L^2, a weight of 12.854 sqrt(EI GJ)/L^2 on the whole (S. P. Timoshenko,

@@ -91,6 +91,7 @@ def three_ways(make, title, **variant):
     return direct, adjoint, agreement, error
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("t", [1.0, 2.0])
 def test_five_bar_has_the_known_gradient(t):
     errors = []

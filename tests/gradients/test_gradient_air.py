@@ -43,6 +43,7 @@ SCHEMES = [(name, scheme) for name in CASES for scheme in ("ali3p", "generalized
 ]
 
 
+@pytest.mark.some(3)
 @pytest.mark.parametrize("name, scheme", SCHEMES)
 def test_gradients_in_wind_are_exact(name, scheme):
     make, what, parameters, without = CASES[name]

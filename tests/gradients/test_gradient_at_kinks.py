@@ -208,6 +208,7 @@ def compared(block, m, names, known, scheme, method, **steps):
     return off, found
 
 
+@pytest.mark.some(3)
 @pytest.mark.parametrize("seed", [0, 5], ids=["LuGre", "function"])
 @pytest.mark.parametrize("scheme", SCHEMES)
 def test_fixed_steps_keep_the_order_at_kinks(seed, scheme):

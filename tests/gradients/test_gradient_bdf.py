@@ -41,6 +41,7 @@ def apart(run, m):
     return np.abs(back - exact).max() / np.abs(exact).max()
 
 
+@pytest.mark.some(8)
 @pytest.mark.parametrize("name", SCENES)
 def test_adjoint_is_direct_in_every_scene(name):
     m = silent(SCENES[name])
@@ -78,6 +79,7 @@ def test_motion_and_derivatives_have_the_order_of_the_scheme(make):
     assert np.all(np.abs(orders - 4.0) < 0.3)
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("make", [open_chain, spatial_loop], ids=lambda f: f.__name__)
 def test_differences_of_the_same_steps(make):
     m = silent(make)
@@ -90,6 +92,7 @@ def test_differences_of_the_same_steps(make):
     assert error < 1e-9
 
 
+@pytest.mark.some(2)
 @pytest.mark.parametrize("method", ["direct", "adjoint"])
 @pytest.mark.parametrize(
     "steps", [{"step": 0.005}, {"rtol": 1e-8}, {"rtol": 1e-11}], ids=["step", "rtol 1e-8", "rtol 1e-11"]
@@ -154,6 +157,7 @@ def top(spin):
     return m
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("steps", [{"step": 0.01}, {"rtol": 1e-7}], ids=["step", "rtol"])
 def test_rotations_through_many_charts(steps):
     """Both ways agree, and with differences where the steps are fixed ones."""

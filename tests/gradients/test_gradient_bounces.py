@@ -119,6 +119,7 @@ def check(ball, scheme, steps, bound):
         assert off <= 3.0 * found.error + PLACED * ball.stiff
 
 
+@pytest.mark.some(3)
 @pytest.mark.parametrize("stiff", [1e3, 1e5])
 @pytest.mark.parametrize("scheme", ["explicit", "auto", "radau"])
 def test_the_gradient_behind_a_bounce(scheme, stiff):
@@ -182,6 +183,7 @@ def test_a_dashpot_that_begins_with_the_contact_jumps():
         assert by_mass(ball, law).status == "kinks"
 
 
+@pytest.mark.some(2)
 @pytest.mark.parametrize("scheme", ["explicit", "radau", "bdf", "generalized-alpha"])
 def test_a_motion_that_begins_on_its_kink(scheme):
     """It goes to either side, or rests there: then there is no derivative."""

@@ -28,6 +28,7 @@ def scene():
     return m
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("scheme", ["ali3p", "generalized-alpha"])
 def test_gradients_by_everything(scheme):
     """By the numbers in the functions, points of motions, masses and stiffnesses."""

@@ -12,6 +12,7 @@ from test_gradient_hand import against_direct
 EXPLICIT = {"scheme": "explicit"}
 
 
+@pytest.mark.some(12)
 @pytest.mark.parametrize("name", SCENES)
 def test_adjoint_is_direct_in_every_scene(name):
     error = against_direct(silent(SCENES[name]), "explicit")
@@ -50,6 +51,7 @@ def place(m):
     return lambda s: np.sum(s.position(body) * [1.0, -2.0, 0.5])
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("make", list(SMOOTH), ids=lambda f: f.__name__)
 def test_value_and_gradient_have_the_order_of_the_scheme(make):
     """Of a final value and of an integral, with fixed steps; a scheme of order 7 would gain a factor of 128 a halving."""

@@ -21,6 +21,7 @@ CASES = [(n, s, 1e-3) for n in MECHANISMS if n != "cantilever" for s in ("ali3p"
 CASES += [("pendulum", s, 0.0) for s in ("ali3p", "generalized-alpha")]
 
 
+@pytest.mark.some(4)
 @pytest.mark.parametrize(("name", "scheme", "damping"), CASES)
 def test_gradients_with_flexible_bodies(name, scheme, damping):
     m = silent(lambda: MECHANISMS[name](damping=damping))
@@ -56,6 +57,7 @@ def wing(times=None):
     return m
 
 
+@pytest.mark.some(2)
 @pytest.mark.parametrize("scheme", ["ali3p", "generalized-alpha"])
 @pytest.mark.parametrize("times", [None, [0.0, 0.2]], ids=["steady", "varying"])
 def test_gradients_under_section_loads(times, scheme):

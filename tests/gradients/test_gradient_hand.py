@@ -27,6 +27,7 @@ def against_direct(m, scheme, without=(), weight="tangent"):
     return np.abs(back - exact).max() / np.abs(exact).max()
 
 
+@pytest.mark.some(16)
 @pytest.mark.parametrize("name", SCENES)
 def test_generalized_alpha_of_every_scene(name):
     error = against_direct(silent(SCENES[name]), "generalized-alpha")

@@ -207,6 +207,7 @@ def single():
     return m
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("scheme", ["ali3p", "generalized-alpha"])
 def test_stored_states_grow_like_the_root_of_the_steps(scheme):
     """What the adjoint keeps: checkpoints and one stretch between them, for steps that are run twice."""

@@ -16,6 +16,7 @@ from test_objectives import oscillator, x
 X = mb.Final(x)
 
 
+@pytest.mark.some(2)
 @pytest.mark.parametrize("scheme", ["ali3p", "generalized-alpha"])
 @pytest.mark.parametrize("method", ["direct", "adjoint"])
 def test_the_estimated_error_is_the_error(scheme, method):

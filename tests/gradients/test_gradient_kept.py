@@ -46,6 +46,7 @@ def compared(m, scheme, t, rtol):
     return np.abs((values - other) / sizes).max(), np.abs(slopes - again).max() / np.abs(again).max(), n
 
 
+@pytest.mark.some(16)
 @pytest.mark.parametrize("scheme", SCHEMES)
 @pytest.mark.parametrize("name", SCENES)
 def test_kept_steps_are_those_that_are_made_again(name, scheme):
@@ -56,6 +57,7 @@ def test_kept_steps_are_those_that_are_made_again(name, scheme):
     assert slope < 1e-8
 
 
+@pytest.mark.some(3)
 @pytest.mark.parametrize("scheme", SCHEMES)
 @pytest.mark.parametrize(
     "make", [lambda: top(14.0), pushed, lambda: silent(open_chain)], ids=["top", "pushed", "chain"]
@@ -72,6 +74,7 @@ WAYS = [(scheme, {"rtol": 1e-10}) for scheme in ("radau", "bdf", "explicit")]
 WAYS += [(scheme, {"step": 1e-3}) for scheme in ("explicit", "radau", "generalized-alpha", "ali3p", "bdf")]
 
 
+@pytest.mark.some(5)
 @pytest.mark.parametrize("method", ["direct", "adjoint"])
 @pytest.mark.parametrize(("scheme", "steps"), WAYS)
 def test_the_time_at_which_a_load_begins(scheme, steps, method):
@@ -90,6 +93,7 @@ def test_the_time_at_which_a_load_begins(scheme, steps, method):
     assert found == pytest.approx(exact, rel=1e-6 if "rtol" in steps or scheme in ("explicit", "radau") else 2e-4)
 
 
+@pytest.mark.some(2)
 @pytest.mark.parametrize("method", ["direct", "adjoint"])
 @pytest.mark.parametrize("scheme", SCHEMES)
 def test_the_motion_is_made_once(scheme, method):
@@ -110,6 +114,7 @@ def test_the_motion_is_made_once(scheme, method):
         assert counts["factorisations"] == forwards + n
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("scheme", SCHEMES)
 def test_what_does_not_fit_is_made_again(scheme):
     """Steps that need more numbers than allowed, other times, other numbers of the model and another start are not taken for kept."""

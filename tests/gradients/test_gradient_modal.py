@@ -35,6 +35,7 @@ def bending(s):
     return q[0] ** 2 + 0.3 * q[2] * v[1] + 1e-4 * a[0] * q[1] + 1e-2 * np.sum(v**2)
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("scheme", ["ali3p", "generalized-alpha"])
 def test_gradients_by_what_a_beam_is_made_of(scheme):
     options = dict(t=0.2, step=5e-3, scheme=scheme)

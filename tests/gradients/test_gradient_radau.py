@@ -15,6 +15,7 @@ RADAU = {"scheme": "radau"}
 SKEW = np.array([0.48, 0.64, -0.6])
 
 
+@pytest.mark.some(12)
 @pytest.mark.parametrize("name", SCENES)
 def test_adjoint_is_direct_in_every_scene(name):
     error = against_direct(silent(SCENES[name]), "radau")
@@ -119,6 +120,7 @@ def four_bar_by_hand(k, mass, t):
     return middles(closed(y[0, -1])[0])[0][1]
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("method", ["direct", "adjoint"])
 def test_a_closed_loop_in_an_oblique_plane(method):
     """Equations in one coordinate by hand, with complex steps of the parameters."""
@@ -160,6 +162,7 @@ def errors_of_motion_and_derivatives(make, scheme, steps):
     return [[np.linalg.norm(np.asarray(a) - b) for a, b in zip(run(scheme, h), exact, strict=True)] for h in steps]
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("make", list(SMOOTH), ids=lambda f: f.__name__)
 def test_motion_and_derivatives_have_the_order_of_the_scheme(make):
     errors = errors_of_motion_and_derivatives(make, "radau", (0.02, 0.01))
@@ -168,6 +171,7 @@ def test_motion_and_derivatives_have_the_order_of_the_scheme(make):
     assert np.all(orders > 4.7)
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("make", [open_chain, spatial_loop], ids=lambda f: f.__name__)
 def test_differences_of_the_same_steps(make):
     m = silent(make)

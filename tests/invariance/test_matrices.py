@@ -163,6 +163,7 @@ def test_a_sweep_over_two_decades_of_one_linear_oscillator():
     assert found == pytest.approx([exact(w)[0] for w in curve.omega], rel=1e-7)
 
 
+@pytest.mark.some(2)
 @pytest.mark.parametrize("part", [0.5, 40.0, 1e6, 1e8])
 def test_a_sweep_beside_a_part_that_is_not_coupled(part):
     """Folds and their amplitudes stay; each point is a solution by itself."""

@@ -39,6 +39,7 @@ def redrawn(family, change, seed):
     return CHANGES[change](rng, seed)(model)
 
 
+@pytest.mark.some(25)
 @pytest.mark.parametrize(
     "seeds", [range(6), pytest.param(range(6, MODELS), marks=pytest.mark.slow)], ids=["few", "more"]
 )
@@ -59,6 +60,7 @@ def with_tolerance(description, tolerance):
     return model
 
 
+@pytest.mark.some(7)
 @pytest.mark.parametrize("family", [f for f in linkages.FAMILIES if f.answer["dof"]], ids=lambda f: f.name)
 def test_a_coarse_drawing_moves_with_its_tolerance(family):
     """Six digits and axes tilted by 1e-6: with a tolerance of 1e-4 every linkage has its degrees of freedom."""

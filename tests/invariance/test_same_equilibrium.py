@@ -10,6 +10,7 @@ from random_models import random_tree
 from zoo import changed, close, drawn, rest
 
 
+@pytest.mark.some(16)
 @pytest.mark.parametrize(("name", "change"), list(zoo.cases()))
 def test_places(name, change):
     change, model = changed(name, change)
@@ -20,6 +21,7 @@ def test_places(name, change):
         assert np.linalg.norm(back - expected.position(body)) <= zoo.allowed(change, 1e-11, 100.0)
 
 
+@pytest.mark.some(12)
 @pytest.mark.parametrize(
     ("name", "change"),
     list(zoo.cases(("tree", "chain", "loop"), [c for c in zoo.CHANGES if c not in ("split", "repeated")])),
@@ -35,6 +37,7 @@ def test_reactions(name, change):
         assert np.linalg.norm(back - wrench[3:]) <= zoo.allowed(change, 1e-10, 1e3) * size
 
 
+@pytest.mark.some(4)
 @pytest.mark.parametrize("seed", range(12))
 def test_models_at_a_site_have_their_equilibria(seed):
     """10 000 lengths away, where rounding of places unbalances forces by 1e-11 of them: the same places, within estimates."""

@@ -14,6 +14,7 @@ def receptance(model, at, body, omega):
     return np.moveaxis(np.asarray(mb.frf(model, *ports, omega=omega, at=at).value), -1, 0)
 
 
+@pytest.mark.some(16)
 @pytest.mark.parametrize(("name", "change"), list(zoo.cases()))
 def test_receptance(name, change):
     body = zoo.bodies(drawn(name))[-1]

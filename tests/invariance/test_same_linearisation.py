@@ -26,6 +26,7 @@ def tensors(model, at, names):
 POWERS = {"M": 0, "C": 1, "G": 1, "K": 2, "N": 2}
 
 
+@pytest.mark.some(16)
 @pytest.mark.parametrize(("name", "change"), list(zoo.cases()))
 def test_tensors_of_the_bodies(name, change):
     names = zoo.bodies(drawn(name))

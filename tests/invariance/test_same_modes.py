@@ -21,6 +21,7 @@ def with_part(expected, change_name):
     return s[np.lexsort((s.imag, np.round(np.log(np.abs(s)), 6)))]
 
 
+@pytest.mark.some(16)
 @pytest.mark.parametrize(("name", "change"), list(zoo.cases()))
 def test_roots(name, change):
     expected = with_part(roots(mb.modes(zoo.drawn(name), at=rest(name))), change)
@@ -31,6 +32,7 @@ def test_roots(name, change):
     assert np.max(np.abs(found - expected) / np.abs(expected)) <= zoo.allowed(change, 1e-9, 30.0)
 
 
+@pytest.mark.some(12)
 @pytest.mark.parametrize(
     ("name", "change"),
     list(zoo.cases(("tree", "chain", "isolator"), [c for c in zoo.CHANGES if not c.endswith("part")])),

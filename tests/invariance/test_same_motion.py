@@ -46,6 +46,7 @@ def cases():
             yield pytest.param(method, name, change, id=f"{method}-{name}-{change}")
 
 
+@pytest.mark.some(48)
 @pytest.mark.parametrize(("method", "name", "change"), list(cases()))
 def test_places(method, name, change):
     change, model = changed(name, change)

@@ -41,6 +41,7 @@ def changed(name):
     return change, change(model())
 
 
+@pytest.mark.some(8)
 @pytest.mark.parametrize("change", zoo.CHANGES)
 def test_harmonic_balance(change):
     def solve(m, change):
@@ -52,6 +53,7 @@ def test_harmonic_balance(change):
     zoo.close(solve(m, change), expected, zoo.allowed(change, 1e-7, 1e3))
 
 
+@pytest.mark.some(5)
 @pytest.mark.parametrize("change", zoo.CHANGES)
 def test_frequency_response(change):
     """The largest amplitude of each hinge, to the density of points, and every point by itself."""

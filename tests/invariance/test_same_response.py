@@ -22,6 +22,7 @@ def displacement(model, at, body, change):
     return y.T if y.shape[0] == 3 else y
 
 
+@pytest.mark.some(16)
 @pytest.mark.parametrize(("name", "change"), list(zoo.cases()))
 def test_displacement(name, change):
     body = zoo.bodies(drawn(name))[-1]

@@ -28,6 +28,7 @@ def scaled_value(model, address):
     return float(np.ravel(model.value(address))[0])
 
 
+@pytest.mark.some(12)
 @pytest.mark.parametrize(("name", "change"), list(zoo.cases(ADDRESSES, CHANGES)))
 def test_relative_sensitivities_of_roots(name, change):
     """p ds/dp, one stiffness at a time; of a group of equal roots their sum."""
@@ -73,6 +74,7 @@ def cases():
                 yield pytest.param(scheme, name, change, id=f"{scheme}-{name}-{change}")
 
 
+@pytest.mark.some(20)
 @pytest.mark.parametrize(("scheme", "name", "change"), list(cases()))
 def test_gradients_of_a_motion(scheme, name, change):
     change, model = changed(name, change)

@@ -29,6 +29,7 @@ def rotor(rate=60.0):
 SIZES = [1e-2, 1e-4, 1e-5, 1e-6, 1e-8]
 
 
+@pytest.mark.some(2)
 @pytest.mark.parametrize("size", SIZES)
 def test_a_follower_torque_in_any_size(size):
     for seed in range(5):

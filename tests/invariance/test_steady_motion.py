@@ -29,6 +29,7 @@ def roots(model, rate, name="shaft"):
     return np.sort(np.abs(modes.roots))
 
 
+@pytest.mark.some(8)
 @pytest.mark.parametrize("change", CHANGES)
 def test_roots(change):
     expected = roots(rotor(), 130.0)

@@ -142,6 +142,7 @@ def planar_truth():
     return np.sqrt(slope(lambda q: slope(potential, q), rest) / inertia(rest)) / (2 * np.pi), moved
 
 
+@pytest.mark.some(18)
 @pytest.mark.parametrize("delta", FREE)
 @pytest.mark.parametrize("analysis", ANALYSES)
 def test_a_little_tilt_is_the_planar_four_bar(analysis, delta):
@@ -164,6 +165,7 @@ def test_at_the_tolerance_all_analyses_agree(seed):
     assert len({is_free(analysis, m) for analysis in ANALYSES}) == 1
 
 
+@pytest.mark.some(13)
 @pytest.mark.parametrize("delta", LOCKING)
 @pytest.mark.parametrize("analysis", ANALYSES)
 def test_much_tilt_locks_it(analysis, delta):

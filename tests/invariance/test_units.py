@@ -72,6 +72,7 @@ def models():
     }
 
 
+@pytest.mark.some(8)
 @pytest.mark.filterwarnings("ignore::mbrs.errors.MbrsWarning")
 @pytest.mark.parametrize("u", [1e3, 1e-3])
 @pytest.mark.parametrize("name", list(models()))

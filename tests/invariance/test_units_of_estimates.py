@@ -36,6 +36,7 @@ def test_a_periodic_response(unit, coupled):
     assert error_there == pytest.approx(error, rel=1e-6) and status_there == status
 
 
+@pytest.mark.some(2)
 @pytest.mark.parametrize("unit", [1e-6, 1e-3, 1e3, 1e6])
 def test_a_curve(unit):
     """Steps and estimates of a continuation."""

@@ -267,6 +267,7 @@ def test_every_class_of_numbers_in_matlab_files(tmp_path, dtype, compressed):
     )
 
 
+@pytest.mark.slow  # imports numba
 def test_reading_leaves_the_print_options_of_numpy(tmp_path):
     """The package that reads OP4 and DMIG changes them when it is imported."""
     pytest.importorskip("pyyeti", reason="the extra nastran is not installed")

@@ -316,6 +316,7 @@ def analyses(m):
     yield lambda: mb.equilibrium(m)
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("part", [pytest.param(1, marks=pytest.mark.slow), 0, 2])
 def test_absurd_scales(part):
     """Results are finite or an error says in words why not."""
@@ -417,12 +418,12 @@ def noise_of_stiffness(m, lin):
     return jitter.level() * terms / (size * lin.n * np.finfo(float).eps) if size > 0 else 0.0
 
 
-@pytest.mark.parametrize("part", [pytest.param(n, marks=pytest.mark.slow if n else ()) for n in range(10)])
+@pytest.mark.parametrize("part", [pytest.param(n, marks=pytest.mark.slow if n else ()) for n in range(50)])
 def test_ten_thousand_random_models(part):
     """As many modes as degrees of freedom, ratio below 30, in every one."""
     largest, dofs = 0.0, 0
-    for seed in range(1000):
-        rng = np.random.default_rng([60, part, seed])
+    for model in range(200 * part, 200 * (part + 1)):
+        rng = np.random.default_rng([60, *divmod(model, 1000)])
         m = random_small_model(rng)
         lin = mb.linearize(m)
         if lin.n == 0:
@@ -435,9 +436,9 @@ def test_ten_thousand_random_models(part):
         D = sum((a for a in (lin.C, lin.G) if a is not None), zero)
         S = lin.K if lin.N is None else lin.K + lin.N
         one = ratio(modes, lin.M, D, S)
-        assert one < 30 + noise_of_stiffness(m, lin), f"part {part}, seed {seed}: ratio {one:.3g}, {modes.stats.route}"
+        assert one < 30 + noise_of_stiffness(m, lin), f"model {model}: ratio {one:.3g}, {modes.stats.route}"
         largest, dofs = max(largest, one), dofs + lin.n
-    print(f"1000 models, {dofs} degrees of freedom: largest ratio {largest:.2f}")
+    print(f"200 models, {dofs} degrees of freedom: largest ratio {largest:.2f}")
 
 
 def test_all_kinds_of_joints_with_everything_at_once():

@@ -20,6 +20,7 @@ def rotor(hub, soft=1e6, axis=(0.31, -0.83, 0.46)):
     return m
 
 
+@pytest.mark.some(4)
 @pytest.mark.parametrize("axis", [(1, 0, 0), (0, 1, 0), (0.31, -0.83, 0.46)])
 @pytest.mark.parametrize("hub", [3e-7, 1e-5, 7e-3, 1.3])
 @pytest.mark.filterwarnings("ignore::mbrs.errors.MbrsWarning")

@@ -97,6 +97,7 @@ def case(name: str, n: int, n_p: int, seed: int):
     return system, (dM, dD, dK)
 
 
+@pytest.mark.some(3)
 @pytest.mark.parametrize("name", ["", "C", "G", "CG", "N", "CGN", "O"])
 def test_derivatives_against_50_digit_differences(name):
     system, changes = case(name, 3, 2, 11)

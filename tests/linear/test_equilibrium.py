@@ -234,6 +234,7 @@ def test_a_body_in_free_fall_is_named():
         mb.equilibrium(m)
 
 
+@pytest.mark.some(2)
 @pytest.mark.filterwarnings("ignore::mbrs.errors.MbrsWarning")
 @pytest.mark.parametrize("seed", range(4))
 def test_random_trees_reach_the_reference_equilibrium(seed):
@@ -247,6 +248,7 @@ def test_random_trees_reach_the_reference_equilibrium(seed):
     assert found["apart"] < TOLERANCE and found["lin"] < TOLERANCE and found["residual"] < 1e-12
 
 
+@pytest.mark.some(1)
 @pytest.mark.filterwarnings("ignore::mbrs.errors.MbrsWarning")
 @pytest.mark.parametrize("seed", range(3))
 def test_random_loops_reach_the_reference_equilibrium(seed):

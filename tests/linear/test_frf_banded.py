@@ -40,6 +40,7 @@ def exact(system, places, omega):
         return np.array([complex(x[int(p)]) for p in places])
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("unsymmetric", [False, True])
 def test_every_entry_keeps_its_digits(unsymmetric):
     rng = np.random.default_rng([3, unsymmetric])

@@ -85,6 +85,7 @@ def distance(found, expected):
     return max(apart.min(0).max(), apart.min(1).max())
 
 
+@pytest.mark.some(6)
 @pytest.mark.parametrize("kind", ["grounded", "light", "links", "driven", "one"])
 @pytest.mark.parametrize("n, half", [(16, 1), (40, 1), (40, 2), (60, 3)])
 def test_poles_of_damped_chains_are_those_of_their_matrices(n, half, kind):

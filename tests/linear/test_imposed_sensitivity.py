@@ -75,6 +75,7 @@ def test_frequencies_against_differences(address):
     assert np.abs(known).max() > 1e-6
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("method", ["direct", "adjoint"])
 def test_gradients_of_a_driven_and_of_a_rolling_motion(method):
     """ALI3-P against differences of its own objective: numbers of a drive, a coupler, a load that varies, a rolling disc."""

@@ -26,11 +26,12 @@ LOOPS = [
 ]
 
 
+@pytest.mark.parametrize("seeds", [range(2), pytest.param(range(2, 6), marks=pytest.mark.slow)], ids=["few", "more"])
 @pytest.mark.parametrize("kind", TREE_JOINTS)
-def test_trees_of_each_joint(kind):
+def test_trees_of_each_joint(kind, seeds):
     """Three bodies on one kind of joint, reversed or not: drawn, advanced, and moving there."""
     found = []
-    for seed in range(6):
+    for seed in seeds:
         rng = np.random.default_rng([seed, TREE_JOINTS.index(kind)])
         m = random_tree(rng, 3, ("revolute", kind), each=True)
         found.append(difference(m, drawn(m)))
@@ -56,10 +57,11 @@ def test_trees_of_mixed_joints():
     assert max(worst.values()) < TOLERANCE
 
 
-def test_two_point_joints_of_trees():
+@pytest.mark.parametrize("seeds", [range(4), pytest.param(range(4, 12), marks=pytest.mark.slow)], ids=["few", "more"])
+def test_two_point_joints_of_trees(seeds):
     """Joints drawn with two points that assembly brings together."""
     found = []
-    for seed in range(12):
+    for seed in seeds:
         rng = np.random.default_rng([2, seed])
         m = random_tree(rng, 4, slack=0.3)
         assert_same_drawn_state(m)
@@ -84,6 +86,7 @@ def reference_pose(m, sys):
     return reference_state(m, drawn(m), sys)
 
 
+@pytest.mark.some(3)
 @pytest.mark.parametrize("kinds, rod", LOOPS)
 def test_loops(kinds, rod):
     """One or two loops, at an advanced state, at rest and moving (B'' turns in time)."""
@@ -132,6 +135,7 @@ def test_inconsistent_velocities_are_reported():
     np.testing.assert_allclose(lin.poses["velocity"], [[1, 0, 0]], atol=1e-14)
 
 
+@pytest.mark.some(2)
 @pytest.mark.filterwarnings("ignore::mbrs.errors.MbrsWarning")
 @pytest.mark.parametrize(
     "effect", ["gravity", "gyroscopic", "centrifugal", "preload-stiffness", "constraint-force-stiffness", "damping"]

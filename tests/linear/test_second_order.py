@@ -151,7 +151,7 @@ def test_what_is_derived_goes_with_its_system():
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="reads /proc")
 def test_systems_that_are_gone_hold_no_memory():
-    n, rng = 120, np.random.default_rng(3)
+    n, rng = 80, np.random.default_rng(3)
     X = rng.normal(size=(n, n))
     K, C, omega = X @ X.T + np.eye(n), 0.1 * np.diag(rng.random(n)), np.linspace(0.3, 9.0, 20)
 

@@ -124,6 +124,7 @@ def compare(m, at=None, n=8, tol=1e-9):
     return found
 
 
+@pytest.mark.some(4)
 @units
 @seeds
 @pytest.mark.parametrize("c", [0.0, 1e-4])
@@ -137,6 +138,7 @@ def test_followers_and_torques(seed, unit, c):
     assert "general" in found.stats.route
 
 
+@pytest.mark.some(2)
 @units
 @seeds
 def test_cross_coupled_bearings(seed, unit):
@@ -149,6 +151,7 @@ def test_cross_coupled_bearings(seed, unit):
     assert "general" in found.stats.route
 
 
+@pytest.mark.some(2)
 @units
 @seeds
 def test_drives_couplers_and_functions(seed, unit):
@@ -186,6 +189,7 @@ def test_rolling_and_knife_edges_at_rest(seed, unit):
     compare(m)
 
 
+@pytest.mark.some(2)
 @units
 @seeds
 def test_velocity_constraints_at_rest(seed, unit):
@@ -194,6 +198,7 @@ def test_velocity_constraints_at_rest(seed, unit):
     compare(made.model, mb.equilibrium(made.model))
 
 
+@pytest.mark.some(3)
 @units
 @seeds
 @pytest.mark.filterwarnings("ignore::mbrs.errors.MbrsWarning")
@@ -245,6 +250,7 @@ def test_bodies_that_nothing_holds_go_to_the_dense_route(seed, monkeypatch):
         model_modes(made.model, None, 8, (), time.perf_counter())
 
 
+@pytest.mark.some(2)
 @pytest.mark.filterwarnings("ignore::mbrs.errors.MbrsWarning")
 @pytest.mark.parametrize("seed", [*range(6), *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(6, 12))])
 def test_random_trees_that_move(seed):
@@ -288,6 +294,7 @@ FEATURES = {
 }
 
 
+@pytest.mark.some(4)
 @pytest.mark.filterwarnings("ignore::mbrs.errors.MbrsWarning")
 @pytest.mark.parametrize("seed", [*range(8), *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(8, 40))])
 def test_features_in_any_company(seed):
@@ -371,6 +378,7 @@ def test_a_large_column_under_a_follower():
     assert np.all(np.abs(order - 2) < 0.3)
 
 
+@pytest.mark.slow
 def test_a_large_model_of_flexible_bodies():
     """Cantilevers clamped end to end are one cantilever, whose modes are w_j = (beta_j/L)^2 sqrt(EI/m)."""
     n, each = 520, 0.5
@@ -391,6 +399,7 @@ def test_a_large_model_of_flexible_bodies():
     assert np.abs(found.omega / w - 1).max() < 1e-4
 
 
+@pytest.mark.some(4)
 @units
 @seeds
 @pytest.mark.parametrize("c", [0.0, 1e-4])
@@ -422,6 +431,7 @@ def spinning(n, spin, k=10.0):
     return m
 
 
+@pytest.mark.slow
 def test_a_large_stack_of_spinning_discs():
     """I_t w^2 -+ I_p W w - k_j = 0, k_j = 4 k sin^2((2j - 1) pi/(4n + 2))."""
     n, count, spin, k = 700, 9, 0.01, 10.0
@@ -435,6 +445,7 @@ def test_a_large_stack_of_spinning_discs():
     assert error.max() < 1e-9
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("growth", [3e-8, 3e-6])
 def test_slow_growth_is_told_from_rounding(growth):
     """Whirls that nearly repeat: one of each pair grows by this part of its frequency, one decays."""

@@ -143,6 +143,7 @@ def test_sagging_chain_at_its_equilibrium(kinds):
     check(m, at=mb.equilibrium(m))
 
 
+@pytest.mark.some(2)
 @pytest.mark.parametrize("seed", range(4))
 def test_loaded_bushings_at_equilibrium(seed):
     m = bushing_chain(full=True, seed=seed)
@@ -280,6 +281,7 @@ def with_a_blade():
     return m
 
 
+@pytest.mark.some(2)
 @pytest.mark.parametrize("seed", range(8))
 def test_a_thin_beam_has_no_inertia_about_itself(monkeypatch, seed):
     """That of rounding may be negative."""

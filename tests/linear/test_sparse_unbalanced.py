@@ -107,6 +107,7 @@ def with_screws(rng, n, loose):
     return m
 
 
+@pytest.mark.some(4)
 @pytest.mark.parametrize("kind, followers", cases(TREE_JOINTS, (False, True)))
 def test_trees(kind, followers):
     """Each kind of joint beside every other, forwards and reversed."""
@@ -146,6 +147,7 @@ def test_loops(kinds, rod):
     assert max(difference(m, at).values()) < 1e-9
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("seed", [0, 3, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (1, 2))])
 def test_flexible_bodies(seed):
     rng = np.random.default_rng(seed)

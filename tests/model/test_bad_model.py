@@ -268,6 +268,7 @@ CORRECT = {
 }
 
 
+@pytest.mark.some(5)
 @pytest.mark.parametrize("method", CORRECT)
 def test_junk_in_any_argument_is_refused_in_words_or_fits(method):
     """Nothing but our own errors may come out, and what is taken must give finite Tables that survive a file."""

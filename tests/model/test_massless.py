@@ -34,6 +34,7 @@ def arm(seed):
     return m, rates, (mass(0.0), stiffness), (l1, c2)
 
 
+@pytest.mark.some(3)
 @pytest.mark.parametrize("method", ["explicit", "radau", "bdf", "bdf-bfgs", "generalized-alpha", "ali3p"])
 def test_a_rod_without_mass_moves_by_its_inertia(method):
     rtol = 1e-5 if method in ("generalized-alpha", "ali3p") else 1e-8

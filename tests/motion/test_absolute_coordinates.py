@@ -33,6 +33,7 @@ def random_motion(seed):
     return random_tree(rng, 4, ("revolute", "prismatic", "spherical", "cylindrical"), followers=False)
 
 
+@pytest.mark.some(4)
 @pytest.mark.parametrize("method", ["explicit", "radau", "bdf"])
 @pytest.mark.parametrize("seed", range(4))
 def test_the_motion_is_that_of_the_tree(method, seed):

@@ -111,6 +111,7 @@ def test_a_parked_blade_in_wind_across_its_chord_has_tangents(inflow):
     assert exact == pytest.approx(eigenvalues(1e-7), rel=1e-6)
 
 
+@pytest.mark.some(2)
 @pytest.mark.parametrize("method", ["explicit", "radau", "generalized-alpha", "bdf", "bdf-bfgs", "ali3p"])
 def test_all_schemes_agree(method):
     m = vane(sections=3)

@@ -64,6 +64,7 @@ def test_dynamic_inflow_of_a_steady_rotor_is_that_of_momentum():
 SCHEMES = ["bdf", "bdf-bfgs", "radau", "explicit", "ali3p", "generalized-alpha"]
 
 
+@pytest.mark.some(3)
 @pytest.mark.parametrize("method", SCHEMES)
 def test_every_scheme_carries_the_states(method):
     _, traj, before, after, t = stepped({"air.speed": 10.3}, method=method, rtol=1e-7)

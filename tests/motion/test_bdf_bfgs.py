@@ -80,6 +80,7 @@ ORDERS = [
 ]
 
 
+@pytest.mark.some(6)
 @pytest.mark.parametrize(("name", "form", "update"), ORDERS)
 def test_order_is_four(name, form, update):
     problem = zoo.SMOOTH[name]()
@@ -169,6 +170,7 @@ def test_the_swing_of_the_source(form):
     assert np.log2(errors[0] / errors[1]) > 3.5
 
 
+@pytest.mark.some(1)
 @pytest.mark.filterwarnings("ignore:rtol=.* was not reached")
 @pytest.mark.parametrize(
     ("name", "tolerances", "served"),
@@ -195,6 +197,7 @@ def test_a_tolerance_is_that_of_the_whole_motion(name, tolerances, served):
         assert 0.1 < traj.error / error < (10 if rtol > 30 * 1e-9 else 100) or error < noise
 
 
+@pytest.mark.some(3)
 @pytest.mark.filterwarnings("ignore:rtol=1e-08 was not reached")
 @pytest.mark.parametrize("form", ["ggl", "symmetric"])
 @pytest.mark.parametrize("stop", [1e4, 1e6, 1e8])
@@ -216,6 +219,7 @@ def test_a_tolerance_at_a_stop(stop, form):
         assert counts["start steps"] < 1.5 * counts["steps"] and counts["force evaluations"] < 40 * counts["steps"]
 
 
+@pytest.mark.some(1)
 @pytest.mark.filterwarnings("ignore:rtol=1e-08 was not reached")
 @pytest.mark.parametrize("rtol", [1e-4, 1e-6, 1e-8])
 def test_estimates_behind_a_stop(rtol):

@@ -171,6 +171,7 @@ OWN_MODEL = {
 }
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("n", [0, pytest.param(40, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("what", list(OWN_MODEL))
 def test_a_load_may_use_its_own_model(what, n):

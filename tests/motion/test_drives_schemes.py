@@ -82,6 +82,7 @@ def test_orders_with_a_drive(method):
     assert order > ORDERS[method] - 0.3
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("method", ["generalized-alpha", "explicit"])
 def test_reference_steps(method):
     """The same steps in core and reference, a drive and a varying torque in them."""

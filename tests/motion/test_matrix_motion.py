@@ -71,6 +71,7 @@ def exact():
 LOADS = [(F, lambda t: np.cos(2.0 * t)), ("x1", 0.5)]
 
 
+@pytest.mark.some(3)
 @pytest.mark.parametrize(
     ("method", "options"),
     [

@@ -42,6 +42,7 @@ PASSED = {
 }
 
 
+@pytest.mark.some(3)
 # lengths that differ by any noise make another linkage at a pose where two branches meet
 @pytest.mark.exact
 @pytest.mark.parametrize("method", PASSED)
@@ -92,6 +93,7 @@ def test_mass_ratio(ratio):
     assert error < 1e-8
 
 
+@pytest.mark.some(2)
 @pytest.mark.parametrize("method", METHODS)
 def test_steps_of_1e_7(method):
     """Neither positions nor multipliers lose digits by 1/h^2."""
@@ -105,6 +107,7 @@ def test_steps_of_1e_7(method):
     assert error < 1e-12 and force < 1e-8
 
 
+@pytest.mark.slow
 def test_a_thousand_seconds_of_a_double_pendulum():
     problem = zoo.double_pendulum()
     traj = mb.simulate(problem.model, np.linspace(0, 1000, 501), rtol=1e-9)
@@ -215,6 +218,7 @@ def stick_slip_truth(times, mass, k, kt, slip, speed, c=0.0, push=lambda t: 0.0)
     return np.array([out[t] for t in times])
 
 
+@pytest.mark.some(2)
 @pytest.mark.parametrize("method", METHODS)
 def test_stick_slip(method):
     mass, k, kt, slip, speed = 1.0, 60.0, 800.0, 3.0, 1.5
@@ -231,6 +235,7 @@ def test_stick_slip(method):
     assert errors[1] < 0.05 * errors[0] and errors[1] < 1e-6
 
 
+@pytest.mark.some(2)
 @pytest.mark.parametrize(("method", "factor"), [("explicit", 5), ("radau", 50), ("bdf", 50)])
 def test_turns_of_a_slider_from_rest(method, factor):
     """Fifteen turns of a slider, from rest under a force that grows from nothing: the error falls with the tolerance."""

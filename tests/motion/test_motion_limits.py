@@ -69,6 +69,7 @@ def test_start_steps_without_tangents_estimate_their_error():
     assert np.all(traj.local_error[:3] > 0) and np.all(traj.local_error <= 1)
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("seed", range(2))
 @pytest.mark.parametrize("method", ["ali3p", "generalized-alpha"])
 @pytest.mark.parametrize("stiff", [1e3, 1e6])

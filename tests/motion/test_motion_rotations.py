@@ -77,6 +77,7 @@ class Top:
         return np.abs(place - self.truth(t)).max() / self.length
 
 
+@pytest.mark.some(4)
 @pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize(("method", "rho"), METHODS)
 def test_methods_of_order_two_have_it_for_tops(method, rho, seed):
@@ -113,6 +114,7 @@ def heavy_top_error(t, **options):
     return problem.error(traj.t, problem.places(traj))
 
 
+@pytest.mark.slow
 def test_the_heavy_top_over_two_seconds():
     for rho, most in ((0.8, 2e-4), (1.0, 2e-4)):
         fine = heavy_top_error(2.0, step=1e-4, method="generalized-alpha", rho=rho)
@@ -124,6 +126,7 @@ def test_the_heavy_top_over_two_seconds():
     assert fine < 2e-4
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("method", ["generalized-alpha", "ali3p"])
 def test_shorter_steps_are_more_accurate(method):
     """Newton's method stops by relative progress: a step that moves little is solved as well as a long one."""

@@ -61,6 +61,7 @@ def off(traj, other):
     return motion_difference(traj, other)
 
 
+@pytest.mark.some(8)
 @pytest.mark.parametrize("name", NAMES)
 def test_tight_runs_are_true(name):
     """Against closed forms and equations written by hand."""
@@ -70,6 +71,7 @@ def test_tight_runs_are_true(name):
     assert error < 1e-10 * max(1.0, p.length)
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize(
     "coordinates",
     [None, "tree", "independent"],

@@ -10,6 +10,7 @@ import pytest
 METHODS = ("generalized-alpha", "ali3p")
 
 
+@pytest.mark.some(6)
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("name", sorted(zoo.SMOOTH))
 def test_the_tolerance_is_that_of_the_whole_motion(name, method):

@@ -129,6 +129,7 @@ def passes(method, coordinates, tolerances, seeds):
     return finished, wrong, tried
 
 
+@pytest.mark.some(3)
 @pytest.mark.parametrize(("method", "coordinates", "tolerances"), WAYS)
 def test_right_or_stopped_with_the_pose(method, coordinates, tolerances):
     finished, wrong, tried = passes(method, coordinates, tolerances[-2:], range(1))
@@ -161,6 +162,7 @@ def pulled(seed, speed=0.2):
     return m, (crank + length - slider[0]) / speed
 
 
+@pytest.mark.some(4)
 @pytest.mark.parametrize("method", ["explicit", "radau", "bdf", "bdf-bfgs", "generalized-alpha", "ali3p"])
 def test_a_drive_that_cannot_go_on_is_named(method):
     for seed in range(1):

@@ -102,6 +102,7 @@ def test_blades_of_a_file_are_checked_like_those_of_a_call(change, words):
         plain(change)
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize(
     "wind", [{"speed": np.nan}, {"speed": 3.0, "direction": (np.nan, 0, 1)}, {"speed": 3.0, "ground": np.inf}]
 )

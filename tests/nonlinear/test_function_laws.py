@@ -123,6 +123,7 @@ def pairs():
     }
 
 
+@pytest.mark.some(2)
 @pytest.mark.parametrize("name", pairs())
 def test_a_function_repeats_the_law_of_the_core(name):
     known, function, numbers = pairs()[name]
@@ -141,6 +142,7 @@ def test_a_function_repeats_the_law_of_the_core(name):
     assert np.allclose(sa.eigenvalue, sb.eigenvalue, rtol=1e-10)
 
 
+@pytest.mark.some(2)
 @pytest.mark.parametrize("name", pairs())
 def test_gradients_by_parameters_inside_a_function(name):
     known, function, numbers = pairs()[name]

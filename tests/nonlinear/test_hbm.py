@@ -74,6 +74,7 @@ FORCE = {0: [0.1, 0.0], 1: [0.8, 0.3 - 0.4j], 3: [0.0, 0.2j]}
 SAMPLED = {"gap": (1 << 16, 1e-6, 2e-3)}
 
 
+@pytest.mark.some(12)
 @pytest.mark.parametrize("name", SYSTEMS)
 @pytest.mark.parametrize(("harmonics", "subharmonic"), [((1, 2, 3, 4, 5), 1), ((1, 3, 5), 1), ((2, 3, 4, 6), 2)])
 def test_core_equals_reference(name, harmonics, subharmonic):

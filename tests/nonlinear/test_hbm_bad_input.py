@@ -179,6 +179,7 @@ def _too_slow(*_):
     raise TimeoutError
 
 
+@pytest.mark.some(38)
 @pytest.mark.parametrize(
     ("analysis", "argument"),
     [(name, argument) for name in CALLS for argument in inspect.signature(getattr(mb, name)).parameters],
@@ -206,7 +207,8 @@ def test_junk_in_any_argument_is_refused_or_harmless(analysis, argument):
         assert not np.any(np.isnan(np.asarray(found.error, float)))
 
 
-@pytest.mark.parametrize("seed", range(30))
+@pytest.mark.some(8)
+@pytest.mark.parametrize("seed", [*range(4, 30), *range(4)])
 def test_random_systems_end_in_a_solution_or_an_error(seed):
     rng = np.random.default_rng(seed)
     system, force, omega = random_system(rng)

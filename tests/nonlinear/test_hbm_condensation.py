@@ -289,6 +289,7 @@ def test_stability_is_not_claimed_without_a_model():
     assert one.model(1.0) is None and one.exponents(np.zeros(one.core.size), 1.0, 0.0) == (None, True)
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("law", [lambda w: Cubic(5.0, w=w), lambda w: Jenkins(10.0, 5.0, w=w)])
 def test_large_systems_are_verified_in_time(law):
     system, force = long_chain(100, law)

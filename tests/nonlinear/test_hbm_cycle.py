@@ -15,6 +15,7 @@ from mbrs.reference import hbm_shooting
 PERIODS = {1: 6.66328686, 5: 11.61223067, 20: 34.68232331}  # docs/theory.md (23.10)
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize(("mu", "harmonics"), [(1, 31), (5, 159)])
 def test_period_by_harmonic_balance(mu, harmonics):
     found = limit_cycle(van_der_pol(float(mu)), harmonics=harmonics)
@@ -45,6 +46,7 @@ def test_relaxation_oscillation_by_collocation():
     assert found.stats.route == "collocation" and abs(found.displacement(0.0)).max() < 2.1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("mu", "period"), [(50, 82.5083338932324), (100, 162.837071092372), (200, 323.916041832336)])
 def test_relaxation_oscillations_that_shooting_knows(mu, period):
     # periods: x' = mu (y - x^3/3 + x), y' = -x/mu by SciPy's Radau with rtol 1e-11 and 1e-12, which differ in the 14th digit

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize(
     "mass, damping, spring, stop, gap, force, omega",
     [(1.3, 0.12, 1.1, 1130.0, 0.87, 0.53, 0.94), (1.1, 0.07, 0.9, 1200.0, 0.93, 0.55, 0.97)],

@@ -152,6 +152,7 @@ def test_internal_resonance_with_neimark_sacker_pair():
     assert not np.any(np.asarray(curve.stable, bool)[between])
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("detuning", [0.1, 0.2])
 def test_close_events_do_not_hide_each_other(detuning):
     # steps that contain a fold and a Neimark-Sacker point find what small steps find one by one

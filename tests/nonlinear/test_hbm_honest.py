@@ -130,6 +130,7 @@ def test_the_largest_displacement_by_many_harmonics():
     assert dense <= one.largest(0) * (1 + 1e-12) and one.largest(0) < 1.003 * dense
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("seed", range(2))
 def test_searches_among_friction_and_self_excitation_end(seed):
     """Five coordinates, smoothed friction and a van der Pol element in random directions: seconds, not minutes."""

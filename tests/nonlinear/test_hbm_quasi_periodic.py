@@ -56,6 +56,7 @@ def test_printed_coefficients(eta):
         assert minus == np.conj(c)
 
 
+@pytest.mark.some(2)
 @pytest.mark.parametrize(
     ("eta", "m", "printed"), [(2.0, 7, 4e-9), (1.5, 7, 2.5e-5), (1.5, 9, 8e-7), (1.5, 11, 1.1e-7), (1.5, 13, 1.4e-9)]
 )

@@ -44,6 +44,7 @@ def off_the_branch(curve, whole):
     return worst
 
 
+@pytest.mark.some(3)
 @pytest.mark.parametrize("most", [1, 2, 12, 30, 45, 60])
 def test_a_branch_goes_on_in_another_process(most, tmp_path):
     given = dict(force=[0.18], omega=(0.5, 1.6), harmonics=7)
@@ -128,6 +129,7 @@ RESULTS = {
 }
 
 
+@pytest.mark.some(5)
 @pytest.mark.parametrize("name", RESULTS)
 def test_every_result_saves_as_netcdf_and_as_a_pickle(name, tmp_path):
     pytest.importorskip("h5py")

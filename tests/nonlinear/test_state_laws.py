@@ -62,6 +62,7 @@ def truth(law, t, v0=0.0, load=lambda t: 0.0, k=K, c=C, longest=0.01):
     return solve_ivp(slope, (0, t[-1]), start, method="LSODA", t_eval=t, rtol=1e-11, atol=1e-13, max_step=longest).y
 
 
+@pytest.mark.some(8)
 @pytest.mark.parametrize("name", LAWS)
 @pytest.mark.parametrize("method", ["explicit", "generalized-alpha", "radau", "bdf", "ali3p", "bdf-bfgs"])
 def test_every_integrator(name, method):
@@ -219,6 +220,7 @@ def test_what_does_not_know_relaxing_states_refuses():
         assert "k= and c=" in str(refused.value)
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("name", [*sorted(set(LAWS) - {"lugre"}), pytest.param("lugre", marks=pytest.mark.slow)])
 def test_harmonic_balance_meets_the_motion_in_time(name):
     """The motion after many periods, by solve_ivp."""

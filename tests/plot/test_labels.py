@@ -118,6 +118,7 @@ def test_bars_of_rounding_are_zero():
     assert bars.axes[0].texts[1].get_text() == "0"
 
 
+@pytest.mark.some(2)
 @pytest.mark.parametrize("name", ["quarter_car", "slider_crank", "four_bar", "rotor"])
 def test_names_in_the_picture_of_a_model_lie_beside_each_other(name):
     figure = getattr(mb.examples, name)().plot()

@@ -259,6 +259,7 @@ def test_figures_are_those_of_pyplot() -> None:
     assert plt.fignum_exists(made.number) and plt.gcf() is made
 
 
+@pytest.mark.slow
 def test_figures_need_no_display() -> None:
     code = (
         "from small_results import row_frf; from mbrs import plot;"

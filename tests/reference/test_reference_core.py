@@ -51,6 +51,7 @@ def agree(found, expected, tolerance=1e-12):
         assert np.max(np.abs(a - e), initial=0.0) <= tolerance * scale, name
 
 
+@pytest.mark.some(7)
 @pytest.mark.parametrize("flip", [False, True])
 @pytest.mark.parametrize("kind", KINDS[:-1])
 def test_trees_off_equilibrium_at_rest_and_moving(kind, flip):
@@ -94,6 +95,7 @@ def test_effects_switched_off(effect):
     agree(*both(t, state, 0.3 * np.random.default_rng(3).normal(size=System(t).ny), (effect,)))
 
 
+@pytest.mark.oracle
 def test_derivatives_that_follow_the_equilibrium():
     """The core's derivatives against complex steps of the reference through the whole chain, to 1e-9."""
     b = loaded_mechanism()

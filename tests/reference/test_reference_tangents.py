@@ -88,6 +88,7 @@ def compare(sys, state, part, rates, step=rr.STEP):
     return worst
 
 
+@pytest.mark.some(5)
 @pytest.mark.parametrize("speed, flip", [(0.0, False), (0.7, False), (0.7, True)])
 @pytest.mark.parametrize("kind", KINDS)
 def test_tangents_of_trees(kind, speed, flip):

@@ -101,6 +101,7 @@ def test_flexible_form_holds_along_ali3p():
     assert np.abs(second).max() < 1e-10
 
 
+@pytest.mark.oracle
 def test_flexible_form_of_a_flexible_body():
     """Eqs 17 to 23 for a blade in a floating frame on a driven hub, V = [[stiffness, mass], [inertia, speed]]; the tangents
     of a motion that satisfies eq. 17 by complex steps through the accelerations and multipliers that follow from it.

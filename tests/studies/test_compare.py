@@ -41,8 +41,8 @@ RESULTS = {
     ),
     "quasi-periodic": lambda: mb.quasi_periodic(DUFFING, TONES, harmonics=5),
     "quasi-periodic response": lambda: mb.quasi_periodic_response(DUFFING, TONES, scale=(1.0, 1.1), harmonics=5),
-    "simulate": lambda: mb.simulate(crank(), t=0.41, rtol=1e-9),
-    "simulate open": lambda: mb.simulate(crank(False), t=0.23, rtol=1e-9),
+    "simulate": lambda: mb.simulate(crank(), t=0.17, rtol=1e-9),
+    "simulate open": lambda: mb.simulate(crank(False), t=0.11, rtol=1e-9),
 }
 
 

@@ -59,6 +59,7 @@ def test_fast_hinges_take_the_steps_of_slow_ones(method, geared):
     assert np.abs(np.array(found) - 10.0).max() < 1e-6
 
 
+@pytest.mark.some(6)
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("seed", range(3))
 def test_a_torsion_spring_winds_over_turns(seed, method):

@@ -16,6 +16,7 @@ from random_models import random_loop
 TOLERANCE = 1e-10
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("joint, per_layer", [("revolute", 1), ("cylindrical", 4), ("spherical", 6)])
 def test_ladders(joint, per_layer):
     """Degrees of freedom and rank of docs/theory.md (23.4): N, 4N and 6N for N layers, drawn and bent."""

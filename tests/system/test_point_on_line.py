@@ -44,6 +44,7 @@ class Wire:
         ).y
 
 
+@pytest.mark.some(4)
 @pytest.mark.parametrize("method", ["explicit", "generalized-alpha", "ali3p", "radau", "bdf", "bdf-bfgs"])
 def test_motion(method):
     wire = Wire(3, k=2.3)

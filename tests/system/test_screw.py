@@ -96,6 +96,7 @@ def test_equilibrium_over_turns(seed):
     assert eq.reactions["thread"][:3] @ nut.n == pytest.approx(-force, rel=1e-12)
 
 
+@pytest.mark.some(6)
 @pytest.mark.parametrize("reverse", [False, True])
 @pytest.mark.parametrize("method", ["explicit", "generalized-alpha", "ali3p", "radau", "bdf", "bdf-bfgs"])
 def test_motion(method, reverse):

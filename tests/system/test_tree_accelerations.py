@@ -18,6 +18,7 @@ def started(m):
     return traj.rate[0], traj.acceleration[0], traj.stats.counts
 
 
+@pytest.mark.some(6)
 @pytest.mark.filterwarnings("ignore::mbrs.errors.MbrsWarning")
 @pytest.mark.parametrize("seed", range(16))
 def test_random_trees_accelerate_as_the_reference_says(seed):

@@ -22,6 +22,7 @@ from test_steady_rotation import (
 )
 
 
+@pytest.mark.some(1)
 @cases
 def test_the_forward_critical_speed_of_a_shaft(seed, units, backwards):
     """(rho A - rho I l^2) W^2 = E I l^4 forward, (rho A + 3 rho I l^2) W^2 = E I l^4 backward, l = pi/L."""

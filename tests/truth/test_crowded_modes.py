@@ -22,6 +22,7 @@ def row(n: int, ground: float) -> np.ndarray:
     return np.sqrt(ground + 4 * np.sin(np.arange(1, n + 1) * np.pi / (2 * n + 2)) ** 2)
 
 
+@pytest.mark.some(2)
 @pytest.mark.parametrize(("n", "ground"), [(2000, 0.5), (5000, 0.47), (10000, 0.053), (3000, 0.0051), (3000, 37.0)])
 def test_crowded_lowest_modes(n, ground):
     order = np.random.default_rng(n).permutation(n)
@@ -150,6 +151,7 @@ def general_row(kind: str, n: int) -> mb.MechanicalSystem:
 KINDS = ("one dashpot", "dashpots", "gyroscopic", "circulatory", "all")
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("n", [450, pytest.param(1000, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("kind", KINDS)
 def test_crowded_general_roots_are_those_of_the_state_matrix(kind, n):
@@ -188,6 +190,7 @@ def twin_row(n: int, c: tuple[float, float], g: float, nu: float) -> tuple[mb.Me
     return mb.MechanicalSystem(M, C, K, G=G, N=N), roots[np.argsort(np.abs(roots))]
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("n", [1000, pytest.param(5000, marks=pytest.mark.slow)])
 @pytest.mark.parametrize(("c", "g", "nu"), [((0, 0), 0.3, 0), ((0, 0), 0.01, 0.004)])
 def test_crowded_general_roots_of_a_twin_row(n, c, g, nu):
@@ -258,6 +261,7 @@ def test_a_long_row_with_one_dashpot(n):
     assert np.abs(steps).max() < 2 and round(steps.sum() / np.pi) == 2 * 9
 
 
+@pytest.mark.some(4)
 @pytest.mark.parametrize(("a", "b"), [(0.013, 0.0), (0.0, 0.0021), (0.17, 0.0031), (4.1, 0.7), (-0.02, 0.003)])
 @pytest.mark.parametrize("shift", [None, 0.19])
 def test_proportional_damping_of_a_crowded_row_of_any_length(a, b, shift):

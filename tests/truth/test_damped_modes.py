@@ -10,6 +10,7 @@ from oracles.precise import exact_roots, relative_errors
 EPS = np.finfo(float).eps
 
 
+@pytest.mark.some(5)
 @pytest.mark.parametrize("seed", range(40))
 def test_rounding_beside_damping_leaves_rigid_modes_rigid(seed):
     """An unheld direction with an entry of rounding in its row, beside a damped chain, coordinates in any order and units."""
@@ -56,6 +57,7 @@ def test_a_body_on_a_cylindrical_joint_beside_a_damped_chain(seed):
     assert np.count_nonzero(r.kind == "rigid") == 1 and "overdamped" not in r.kind
 
 
+@pytest.mark.some(6)
 @pytest.mark.parametrize("ratio", [1e6, 1e10, 1e15])
 @pytest.mark.parametrize("seed", range(6))
 def test_mass_ratios_are_right_or_honest(ratio, seed):
@@ -76,6 +78,7 @@ def test_mass_ratios_are_right_or_honest(ratio, seed):
         assert error.max() < 1e-3
 
 
+@pytest.mark.some(6)
 @pytest.mark.parametrize("seed", range(6))
 @pytest.mark.parametrize("order", [2, 3, 4])
 def test_estimates_at_defects(order, seed):

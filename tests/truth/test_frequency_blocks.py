@@ -24,6 +24,7 @@ def exact(M, C, K, force, omega):
     return np.array([np.linalg.solve(K - w * w * M + 1j * w * C, force) for w in omega])
 
 
+@pytest.mark.some(4)
 @pytest.mark.parametrize("seed", range(12))
 def test_a_linear_system_is_right_in_every_coordinate(seed):
     rng = np.random.default_rng(1700 + seed)
@@ -113,6 +114,7 @@ def two_chains(n, ratio):
     return MechanicalSystem(M, 0.02 * M + 1e-4 * K, K, elements=elements), force
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("condense", ["sparse", "modal"])
 def test_condensed_chains_of_unlike_stiffness(condense):
     n = 17

@@ -59,6 +59,7 @@ def relative(rng, damped):
     return tuple(None if a is None else a * np.outer(unit, unit) for a in (M, C, K))
 
 
+@pytest.mark.some(2)
 @pytest.mark.filterwarnings("ignore:the frequency points miss")
 @pytest.mark.parametrize("count", [5, 30])
 @pytest.mark.parametrize("damped", [False, True])

@@ -67,6 +67,7 @@ def shuffled(rng: np.random.Generator, F: np.ndarray, M: np.ndarray) -> tuple[np
     return F[:, order] * unit, M[np.ix_(order, order)] * np.outer(unit, unit)
 
 
+@pytest.mark.some(10)
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("seed", range(6))
 def test_roots_of_matrices_are_right_to_their_error(kind, seed):
@@ -89,6 +90,7 @@ def test_roots_of_matrices_are_right_to_their_error(kind, seed):
     assert np.all(error[clear] <= np.maximum(1e-12, 0.5 * r.error[held][clear]))
 
 
+@pytest.mark.some(10)
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("seed", range(6))
 def test_roots_of_factors_are_right(kind, seed):

@@ -29,6 +29,7 @@ def door(seed, hinges):
     return m, inertia, torque
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("hinges", [1, 2, 3])
 def test_a_leaning_door_falls(hinges):
     for seed in range(4):

@@ -13,7 +13,9 @@ from problems import LADDER_TURN, LADDERS, ladder
 
 
 @pytest.mark.parametrize("numbers", LADDERS, ids=("short", "long"))
-@pytest.mark.parametrize(("n", "order"), [(9, True), (160, False), (270, True), (1600, False)])
+@pytest.mark.parametrize(
+    ("n", "order"), [(9, True), (160, False), (270, True), pytest.param(1600, False, marks=pytest.mark.slow)]
+)
 def test_modes_of_ladders(n, order, numbers):
     """Dense and sparse routes; the last has more rows and columns of loops than a dense matrix of 30 000 000 entries."""
     problem = ladder(n, order=order, **numbers)
@@ -27,6 +29,7 @@ def test_modes_of_ladders(n, order, numbers):
     assert np.allclose(r.omega, w, rtol=(1e-13 + jitter.level()) * (10 + n)) and r.status == "converged"
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("numbers", LADDERS, ids=("short", "long"))
 def test_estimates_of_ladders(numbers):
     """Rounding of places and of the rows of joints, which grows with the height: no estimate is below the error, none absurd."""
@@ -38,7 +41,7 @@ def test_estimates_of_ladders(numbers):
         assert np.all(error < r.error + 3 * jitter.level() * n) and r.error.max() < 1e3 * error.max()
 
 
-@pytest.mark.parametrize(("n", "order"), [(7, False), (130, True), (1600, False)])
+@pytest.mark.parametrize(("n", "order"), [(7, False), (130, True), pytest.param(1600, False, marks=pytest.mark.slow)])
 def test_mobility_of_ladders(n, order):
     system = mb.System(ladder(n, order=order, **LADDERS[1]).model)
     assert system.dof == n and len(system.loops) == n

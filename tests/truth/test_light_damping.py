@@ -50,6 +50,7 @@ def polished(s, *parts):
     raise AssertionError("no root near the computed one")
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(1, 6))])
 @pytest.mark.parametrize(("damping", "spread"), [(0.03, 1.0), (0.3, 1.0), (0.1, 1e3), (4.0, 1.0)])
 def test_roots_are_right_to_their_error(damping, spread, seed):

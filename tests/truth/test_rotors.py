@@ -148,6 +148,7 @@ def shaft(stiffness=1e13):
     return m
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("speed", [1000.0, 3000.0])
 def test_a_spinning_shaft_on_fixed_bearings(speed):
     """In the axes of the result: seen from the shaft, backward whirl is faster by its speed, and forward whirl slower."""

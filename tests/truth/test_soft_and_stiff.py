@@ -187,6 +187,7 @@ def damped(rng, ratio, n=3):
     return masses, C, K
 
 
+@pytest.mark.some(2)
 @pytest.mark.parametrize(
     "ratio",
     [1e-3, 1e3, 1e6, 1e12, 1e15],

@@ -178,6 +178,7 @@ def unequal_shaft(s: Setting, gravity: bool = False) -> mb.Model:
     return m
 
 
+@pytest.mark.some(2)
 @cases
 def test_an_unequal_shaft_is_unstable_between_its_two_frequencies(seed, units, backwards):
     """In turning axes m (u" - W^2 u - 2 W v') + k1 u = 0, m (v" - W^2 v + 2 W u') + k2 v = 0: unstable for k1/m < W^2 < k2/m."""
@@ -335,6 +336,7 @@ def shaft(s: Setting, modes: int = 12) -> mb.Model:
     return m
 
 
+@pytest.mark.some(1)
 @cases
 def test_a_pinned_spinning_shaft(seed, units, backwards):
     s = Setting(seed, units, backwards)

@@ -78,6 +78,7 @@ class Client:
         self._suspects: list[Range] = []
         self._flight: dict[Any, Range] = {}
         self._since: dict[Any, float] = {}
+        self._begun: set[Range] = set()
 
     def compute(self, ranges: Iterable[Range], suspects: Iterable[Range]) -> None:
         """All designs of some ``(first, end)``; those of ``suspects`` in a child process, since they may have ended one."""
@@ -116,12 +117,20 @@ class Client:
             if stop < end:
                 self._waiting.appendleft((stop, end))
             if self._pool.here:
-                self._keeper.begin(first, stop - first)
+                self._begin(first, stop)
             try:
                 self._flight[self._pool.submit(self._task(first, stop))] = (first, stop)
             except WorkerLost:
                 self._waiting.appendleft((first, stop))
                 return
+
+    def _begin(self, first: int, end: int) -> None:
+        self._begun.add((first, end))
+        self._keeper.begin(first, end - first)
+
+    def _end(self, first: int, end: int) -> None:
+        self._keeper.end(first, end - first)
+        self._begun.discard((first, end))
 
     def _finished(self) -> list[Any]:
         """Tasks that are done. Processes that a design keeps beyond its limit, deaf to the timer that should cut it, are ended."""
@@ -158,7 +167,7 @@ class Client:
         if len(chunk):
             self._kept(chunk)
         if self._pool.here:
-            self._keeper.end(first, end - first)
+            self._end(first, end)
         if chunk.end < end:
             self._waiting.appendleft((chunk.end, end))
             if chunk.stopped and self._pool.here:
@@ -174,19 +183,20 @@ class Client:
         """Keep what is finished, and what threads hand over when they are told to stop; the rest is computed another time."""
         for future in list(self._flight):
             if future.cancel():
-                first, end = self._flight.pop(future)
-                self._keeper.end(first, end - first)
+                self._flight.pop(future)
         deadline = time.monotonic() + _HAND_OVER
         while self._flight and (self._pool.here or time.monotonic() < deadline):
             ready = [future for future in self._flight if future.done()]
             for future in ready:
-                first, end = self._flight.pop(future)
+                self._flight.pop(future)
                 try:
                     chunk = self._pool.chunk(future)
                 except Exception:  # what was lost is computed another time
                     continue
                 if len(chunk):
                     self._keeper.keep(chunk)
-                self._keeper.end(first, end - first)
             if not ready:
                 time.sleep(0.01)
+        # also of what was between its mark and its task, or between its task and its results, when the signal came
+        for first, end in list(self._begun):
+            self._end(first, end)

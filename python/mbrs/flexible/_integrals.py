@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import itertools
-from typing import Any
+from collections.abc import Callable
 
 import numpy as np
 
@@ -65,7 +64,7 @@ def inertial_stiffness(grid: Mesh, T: Array, clamped: bool, whole: Mesh | None =
     moments = {0: [0.0, 1.0], 3: [1.0, 0.0]} if clamped else {3: [1.0, -rigid_body(whole or grid)[1][0]]}
     for i, field in moments.items():
         outer = _outboard(grid, field)
-        K = grid.tensioned(np.array([-outer(at) for at in x]))
+        K = grid.tensioned(-outer(x))
         KG[i] = T.T @ K @ T
     for p in grid.points:
         turn: Array = (p.N @ T[p.dofs])[3:]
@@ -93,7 +92,7 @@ def second_order(grid: Mesh, T: Array, clamped: bool) -> Array:
     if not clamped:
         mass, centre = rigid_body(grid)[0], rigid_body(grid)[1][0]
         beyond = _outboard(grid, [0.0, 1.0])
-        out[:, 0] += np.einsum("p,pkl->kl", [beyond(x) / mass for x in arm], squares)
+        out[:, 0] += np.einsum("p,pkl->kl", beyond(arm) / mass, squares)
         spread = rigid_moments(grid)[2] - mass * centre**2
         pulled, tipped = (_moments(grid, field) for field in ([0.0, 1.0], [1.0, -centre]))
         for i, c in enumerate(bent, start=1):
@@ -137,24 +136,27 @@ def _moments(grid: Mesh, field: list[float]) -> Array:
     """int_s^L rho b (x - s) dx of a linear b at the quadrature points s."""
     pulled = _outboard(grid, field)
     tipped = _outboard(grid, [*field, 0.0])
-    return np.array([tipped(p.x) - p.x * pulled(p.x) for p in grid.points])
+    x = np.array([p.x for p in grid.points])
+    return tipped(x) - x * pulled(x)
 
 
-def _outboard(grid: Mesh, field: list[float]) -> Any:
+def _outboard(grid: Mesh, field: list[float]) -> Callable[[Array], Array]:
     """int_x^L rho b dx' for a polynomial b; exact, since rho is linear in every element."""
     ends = grid.x
-    linear = []
-    for a, b in itertools.pairwise(ends):
-        inside = [p for p in grid.points if a < p.x < b]
-        slope = (inside[-1].section.mass - inside[0].section.mass) / (inside[-1].x - inside[0].x)
-        rho = np.poly1d([slope, inside[0].section.mass - slope * inside[0].x])
-        linear.append((rho * np.poly1d(field)).integ())
-    beyond = np.concatenate(
-        [np.cumsum([f(b) - f(a) for f, a, b in zip(linear, ends[:-1], ends[1:], strict=True)][::-1])[::-1], [0.0]]
-    )
+    n = len(ends) - 1
+    x = np.array([p.x for p in grid.points]).reshape(n, -1)
+    mass = np.array([p.section.mass for p in grid.points]).reshape(n, -1)
+    slope = (mass[:, -1] - mass[:, 0]) / (x[:, -1] - x[:, 0])
+    rho = np.stack([slope, mass[:, 0] - slope * x[:, 0]])
+    product = np.zeros((len(field) + 1, n))  # highest powers first, a column for each element
+    for i, factor in enumerate(field):
+        product[i : i + 2] += factor * rho
+    integral = np.concatenate([product / np.arange(len(product), 0, -1)[:, None], np.zeros((1, n))])
+    of_elements = np.polyval(integral, ends[1:]) - np.polyval(integral, ends[:-1])
+    beyond = np.append(np.cumsum(of_elements[::-1])[::-1], 0.0)
 
-    def outer(x: float) -> float:
-        e = min(int(np.searchsorted(ends, x, side="right")) - 1, len(linear) - 1)
-        return float(linear[e](ends[e + 1]) - linear[e](x) + beyond[e + 1])
+    def outer(x: Array) -> Array:
+        e = np.minimum(np.searchsorted(ends, x, side="right") - 1, n - 1)
+        return np.polyval(integral[:, e], ends[e + 1]) - np.polyval(integral[:, e], x) + beyond[e + 1]
 
     return outer
