@@ -10,7 +10,8 @@ use crate::error::{Error, Result};
 use crate::spatial::V3;
 
 use super::expressions::program;
-use super::system::{LINEARIZATION, PySystem, fits, run};
+use super::model_work::{LINEARIZATION, fits, run};
+use super::system::PySystem;
 
 pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<PyPlan>()

@@ -12,7 +12,8 @@ use crate::sensitivity::direction::Common;
 use crate::sensitivity::direction::Directional;
 use crate::sensitivity::direction::Entries;
 
-use super::system::{LINEARIZATION, PySystem, effects, fits, run, state_of};
+use super::model_work::{LINEARIZATION, fits, run};
+use super::system::{PySystem, effects, state_of};
 use crate::multibody::System;
 
 pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {

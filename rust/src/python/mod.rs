@@ -12,6 +12,7 @@ mod hbm_branch;
 mod hbm_linear;
 mod law_places;
 mod modal;
+mod model_work;
 mod root;
 mod second_order;
 mod simulate;

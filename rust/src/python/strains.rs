@@ -14,7 +14,8 @@ use crate::multibody::topology::Owner;
 use crate::run::Counts;
 use crate::spatial::V3;
 
-use super::system::{LINEARIZATION, array, fits, run, table};
+use super::model_work::{LINEARIZATION, fits, run};
+use super::system::{array, table};
 
 type Arrays<'a, 'py> = (&'a PyReadonlyArray2<'py, f64>, &'a PyReadonlyArray2<'py, f64>);
 

@@ -19,24 +19,19 @@ use crate::linearize::model_modes::linear_system;
 use crate::linearize::parts::{Parts, parts};
 use crate::linearize::reactions::reactions;
 use crate::linearize::{Linearization, Setting, linearize, mobility};
-use crate::memory;
 use crate::multibody::System;
 use crate::multibody::assemble::Effects;
 use crate::multibody::decision::Doubt;
 use crate::multibody::placement::{State, advance, place};
-use crate::run::{Cancel, Counts};
+use crate::run::Counts;
 use crate::tolerances::coordinates::UNIT_QUATERNION;
 
-use super::border::{counts_dict, guarded, interruptible, moved};
+use super::border::{counts_dict, moved};
 use super::law_places;
+use super::model_work::{EQUILIBRIUM, LINEARIZATION, compile, fits, run, run_pass};
 use super::second_order::PySecondOrder;
 use super::strains;
 use super::tables::{tables, values};
-
-/// Below this number of tree coordinates, rows and elements a thread of its own costs more than it protects.
-const SHORT: usize = 60;
-/// The same for a pass over an open tree, which takes some milliseconds then.
-const SHORT_PASS: usize = 1000;
 
 /// Joints, singular value, taken for redundant?, tolerance.
 type DoubtRow = (Vec<String>, f64, bool, f64);
@@ -47,57 +42,6 @@ pub struct PySystem(pub System);
 pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<PySystem>()
 }
-
-/// Run where Ctrl-C can reach long work.
-pub fn run<T: Send + 'static>(
-    py: Python<'_>,
-    system: &System,
-    work: impl FnOnce(&System, &Cancel) -> Result<T> + Send + 'static,
-) -> PyResult<T> {
-    run_below(SHORT, py, system, work)
-}
-
-/// The same for work that passes over the tree without iterations, in a time of O(n^2) where no loops are closed.
-fn run_pass<T: Send + 'static>(
-    py: Python<'_>,
-    system: &System,
-    work: impl FnOnce(&System, &Cancel) -> Result<T> + Send + 'static,
-) -> PyResult<T> {
-    run_below(if system.topology.rows.is_empty() { SHORT_PASS } else { SHORT }, py, system, work)
-}
-
-fn run_below<T: Send + 'static>(
-    short: usize,
-    py: Python<'_>,
-    system: &System,
-    work: impl FnOnce(&System, &Cancel) -> Result<T> + Send + 'static,
-) -> PyResult<T> {
-    let (system, topology) = (system.clone(), &system.topology);
-    if system.n_tree() + topology.rows.len() + topology.connectors.len() + topology.tables.loads.len() < short {
-        guarded(py, move || work(&system, &Cancel::default()))
-    } else {
-        interruptible(py, move |cancel| work(&system, cancel))
-    }
-}
-
-/// Refuses what is made of dense matrices where they do not fit: `squares` of the tree coordinates at a time, beside the maps of
-/// bodies and loops.
-pub fn fits(system: &System, what: &str, squares: f64) -> Result<()> {
-    let topology = &system.topology;
-    let [n, rows, bodies] = [system.n_tree(), topology.rows.len(), system.n_bodies()].map(|n| n as f64);
-    memory::require(
-        8.0 * n * (squares * n + LOOP_MAPS * rows + BODY_MAPS * bodies),
-        &format!("{what} of {n} coordinates of the tree by dense matrices"),
-        "for the lowest modes give n=, which takes sparse matrices; otherwise divide the model into parts",
-    )
-}
-
-// Measured as the largest resident memory over that of the model, n = 400 and 800, one coordinate a body, with a third to spare:
-// a linearisation has 6 squares beside its body map (12 n n_bodies with its copy), an equilibrium 15.
-pub const LINEARIZATION: f64 = 10.0;
-const EQUILIBRIUM: f64 = 20.0;
-const BODY_MAPS: f64 = 14.0;
-const LOOP_MAPS: f64 = 6.0;
 
 pub fn effects(without: &[String]) -> Result<Effects> {
     let mut effects = Effects::ALL;
@@ -201,11 +145,7 @@ impl PySystem {
     #[new]
     fn new(py: Python<'_>, tables_dict: &Bound<'_, PyDict>) -> PyResult<Self> {
         let read = tables(tables_dict)?;
-        if read.bodies.len() + read.elements.len() < SHORT {
-            guarded(py, move || System::new(read)).map(PySystem)
-        } else {
-            interruptible(py, move |_| System::new(read)).map(PySystem)
-        }
+        compile(py, read).map(PySystem)
     }
 
     fn with_values(&self, py: Python<'_>, x: PyReadonlyArray1<'_, f64>) -> PyResult<Self> {
