@@ -198,7 +198,7 @@ fn shortened(spectrum: &Spectrum, r: &DVector<f64>, limits: &[f64]) -> (f64, DVe
     let mut p = answer(spectrum, r, high);
     let mut sigma = high;
     for _ in 0..40 {
-        let middle = if low > 0.0 { f64::sqrt(low * high) } else { 1e-3 * high };
+        let middle = if low > 0.0 { f64::sqrt(low * high) } else { 0.01 * high };
         let q = answer(spectrum, r, middle);
         let part = reach(&q, limits);
         if part > 1.0 {
