@@ -19,7 +19,6 @@ use crate::run::Counts;
 use crate::spatial::{Pose, Six, V3, log_so3};
 
 use crate::equilibrium::local::{LONGEST_STEP, Local, Spectrum, moved};
-use crate::tolerances::equilibrium::SMALL_STEP;
 
 /// Least part of the promised fall of the energy.
 const TAKEN: f64 = 0.05;
@@ -93,7 +92,7 @@ impl<'s> Descent<'s> {
         counts: &mut Counts,
     ) -> Result<Option<(State, Local)>> {
         let start = self.level(state);
-        while self.radius > SMALL_STEP {
+        while self.radius > f64::EPSILON.sqrt() {
             counts.add("descent steps", 1);
             let limits = self.limits(local);
             let (sigma, p) = shortened(spectrum, &local.r, &limits);

@@ -15,7 +15,7 @@ use super::way::{Aim, Uncounted, Verdict, Way, active, scaled};
 use super::{Equations, Instant, LocalError, Motion, Scheme, Step};
 use crate::tolerances::constraints::CLOSED_ENOUGH;
 use crate::tolerances::singular_poses::{FARTHEST_CROSSING, LOOK};
-use crate::tolerances::steps::{AHEAD, FROM_REST, SAME_INSTANT};
+use crate::tolerances::steps::{FROM_REST, SAME_INSTANT};
 
 pub use super::plan::{End, Output, Plan, Progress, Run, Steps};
 
@@ -201,7 +201,7 @@ impl Driver<'_, '_, '_> {
     /// The system that holds from here on, where laws have kinks.
     fn held(&mut self, way: &Way, counts: &mut Counts) -> Option<System> {
         let total = self.plan.end - self.start;
-        let moment = AHEAD * self.first_step(&way.here, 1.0, 1).min(way.h).min(total);
+        let moment = f64::EPSILON.cbrt() * self.first_step(&way.here, 1.0, 1).min(way.h).min(total);
         let sides = self.sides.as_mut()?;
         sides.look_ahead(&way.here, moment, counts);
         Some(sides.held())
@@ -384,8 +384,8 @@ impl Driver<'_, '_, '_> {
         match passage(&Approach { ahead, h: way.h, speed, slope: hold / ahead, rtol }, scheme) {
             Passage::Own => self.watch.own_until = t + LOOK * ahead,
             Passage::Shorter(h) => way.h = h,
-            // nearer to it the rates with which a crossing would begin are noise
-            Passage::Crossing(length) if hold > noisy(rtol, rounding) => {
+            // nearer to it a crossing begins in its own noise
+            Passage::Crossing(length) if hold > noisy(rtol, f64::EPSILON) => {
                 counts.add("detours", 1);
                 way.detour = Some(Detour::of((t, ahead), length, way.h, self.watch.again));
                 way.h = length;

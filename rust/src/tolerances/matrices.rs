@@ -1,7 +1,7 @@
 //! Entries and factors of matrices.
 
 /// Rounding of an entry in units of eps times the sum of the sizes of what was added up for it: of a constraint row, of a force or a
-/// stiffness of an equilibrium (also times one and the distance from the origin), of the force of a slider, of an entry beside a diagonal in
+/// stiffness of an equilibrium (also times one and the distance from the origin), of the force of a slider, of the distance from a kink of a law, of an entry beside a diagonal in
 /// units of the masses. Larger: a model far from the origin has doubtful loops, the search for an equilibrium ends early, sliders that stick
 /// close to their limit slip, and weak negative coupling of unheld directions is lost. Smaller: rows of rounding lock a door on two hinges,
 /// models far from the origin have no equilibrium, and rigid directions get roots of rounding. Pinned by

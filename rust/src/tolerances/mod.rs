@@ -57,7 +57,8 @@ pub mod constraints {
     /// that does not go on, levers in loops, turned rates within a step, local errors near singular poses, and corrections over the motion
     /// within a step that matrices of the step itself do not shrink. Larger: rates and energies drift by openings, weak levers in loops are
     /// lost, a branch is lost in slow motion, and steps are called solved that are not. Smaller: models far from the origin do not close, a
-    /// coordinate that no element strains counts as held, and steps at rest or near singular poses are repeated without end.
+    /// coordinate that no element strains counts as held, and steps at rest or near singular poses are repeated without end. Pinned by
+    /// tests/motion/test_singular_poses.py, from below.
     pub const CLOSED_ENOUGH: f64 = 1e-10;
 
     /// Singular values of a least-squares problem below this part of the largest belong to directions that no row feels.
@@ -123,9 +124,6 @@ pub mod equilibrium {
     pub const BALANCED: f64 = 1e-14;
     /// See `BALANCED`. Pinned by `test_a_rod_drawn_level_falls_and_hangs`, from above. Not seen from below: a step more is made.
     pub const NEARLY_BALANCED: f64 = 1e-11;
-    /// See `BALANCED`; also the shortest step of a descent, where larger gives narrow valleys up. Not seen: one last step leaves the
-    /// square, and equilibria of tests are found either way.
-    pub const SMALL_STEP: f64 = 1e-9;
 
     /// Newton's step, in characteristic lengths or radians, from which on a slow search may descend in energy instead. Larger: loads
     /// without a potential and energies of rounding are descended in. Smaller: Newton's method goes to and fro. Not seen: equilibria of

@@ -15,7 +15,7 @@ pub const TURNED: f64 = 0.3;
 /// Larger: crossings are begun far from the pose, and cost more steps; motions at the tightest tolerances err more; linkages that turn
 /// quickly in earnest are taken for lost. Smaller: steps end where rounding exceeds the tolerance, and a lost branch is not seen. Used by
 /// tests/motion/test_singular_poses.py. Not seen: these tests pass either way.
-pub const NOISE: f64 = 100.0;
+pub const NOISE: f64 = 10.0;
 
 /// Steps longer than so many distances at which rounding counts are left to luck. Larger: crossings are planned where nothing threatens.
 /// Smaller: some steps have a stage next to the pose, and are made again. Only work depends on it. Not seen: no answer depends on it.

@@ -11,7 +11,7 @@ use crate::solve::line_search::Rule;
 
 use super::equations::BdfStep;
 use crate::tolerances::matrices::ENTRY_ROUNDING;
-use crate::tolerances::steps::{CLOSED, FIXED_SOLVED, SHARE_OF_MOTION};
+use crate::tolerances::steps::{CLOSED, FIXED_SOLVED, FRESH_INVERSE, SHARE_OF_MOTION};
 
 /// Least cosine between y and s for an update: where BFGS meets a nonsymmetric or indefinite Jacobian, smaller ones ruin H.
 const CURVATURE: f64 = 0.1;
@@ -117,7 +117,7 @@ impl StepSolver {
             last = out.reached;
             // short of the goal only what a fresh inverse could not better either
             let near = f64::max(NEAR * solved, 2.0 * self.floor);
-            if last <= near || attempt == 2 && last <= FIXED_SOLVED * goal {
+            if last <= near || attempt == 2 && last <= FRESH_INVERSE * goal {
                 if attempt == 2 {
                     self.floor = last;
                 }

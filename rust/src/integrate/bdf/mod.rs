@@ -363,7 +363,7 @@ impl Scheme for Bdf {
             self.order = 1;
         }
         let k = self.order;
-        if (history.h / h - 1.0).abs() > SAME_LENGTH {
+        if history.h != h {
             stretched(&mut history.d, k, h / history.h);
             // rates that begin a history have no grid yet
             if let Some(record) = self.record.as_mut().filter(|_| !self.begun) {
