@@ -58,7 +58,8 @@ pub mod constraints {
     /// within a step that matrices of the step itself do not shrink. Larger: rates and energies drift by openings, weak levers in loops are
     /// lost, a branch is lost in slow motion, and steps are called solved that are not. Smaller: models far from the origin do not close, a
     /// coordinate that no element strains counts as held, and steps at rest or near singular poses are repeated without end. Pinned by
-    /// tests/motion/test_singular_poses.py, from below.
+    /// `test_right_or_stopped_with_the_pose`, from below. Not seen from above: loops, levers and motions of tests close to rounding,
+    /// whatever they may leave.
     pub const CLOSED_ENOUGH: f64 = 1e-10;
 
     /// Singular values of a least-squares problem below this part of the largest belong to directions that no row feels.
