@@ -271,8 +271,8 @@ def test_stability_of_a_large_system_by_a_reduced_model():
 
 
 def test_a_reduced_model_whose_stiffness_is_off_by_a_thousandth_tells_nothing():
-    """The whole chain with a spring too much at the coordinate of the law, over the dynamic stiffness there: it tells the stability by its own
-    exponents, or not at all."""
+    """The whole chain with a spring too much at the coordinate of the law, over the dynamic stiffness there: it tells the stability
+    by its own exponents, or not at all."""
     omega = 1.05
     system, force = long_chain(30, lambda w: Cubic(1.5, w=w))
     one = balance.prepare(system, force, Fourier(1, condense=True))

@@ -227,6 +227,7 @@ fn growth(iterations: usize, turn: f64) -> f64 {
 mod tests {
     use super::*;
     use crate::solve::Linearisation;
+    use crate::solve::segment::Jump;
 
     /// The circle y^2 + p^2 = 1, and the pitchfork y (p - y^2) = 0.
     struct Plane(fn(f64, f64) -> [f64; 3]);
