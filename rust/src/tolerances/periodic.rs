@@ -43,7 +43,7 @@ pub const CONTACT_STEPS: usize = 8;
 
 /// Part of the range of an element's stiffness over the period by which it jumps where a contact opens or closes. Free of units. Too large:
 /// partial contacts are missed; too small: smooth laws that bend fast count as contacts. Not seen: all tests of harmonic balance pass
-/// without the check, at a hundred times it, and at a hundredth.
+/// without the check, at a hundred times it, and those of contacts and of stability at a hundredth.
 pub const CONTACT_JUMP: f64 = 0.1;
 
 /// Difference of |Im s| of two exponents over their sum up to which they are one pair. Free of units. Too large: a real exponent that
