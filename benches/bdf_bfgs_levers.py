@@ -61,7 +61,7 @@ LEVERS: dict[str, tuple[Change, ...]] = {
         number("LOOSEST", "1e-12", "1e-10"),
         Change(SOLVER, "!(0.5..=2.0).contains", "!(0.1..=10.0).contains"),
     ),
-    "start steps that hold a tenth of the tolerance in place of a thousandth": (number("START_SHARE", "1e-3", "1e-1"),),
+    "start steps that hold a tenth of the tolerance in place of a thousandth": (number("NOISE_SHARE", "1e-3", "1e-1"),),
     "points left behind at steps shorter by 2 in place of 1.6": (
         Change("rust/src/integrate/bdf/mod.rs", "const WIDEST: f64 = 1.6;", "const WIDEST: f64 = 2.0;"),
     ),

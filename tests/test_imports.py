@@ -239,7 +239,7 @@ CRATE = {
     "linalg": {"error", "tolerances", "run"},
     "solve": {"error", "tolerances", "run", "linalg"},
     "expressions": {"error", "spatial"},
-    "aero": {"error", "tolerances", "run", "spatial"},
+    "aero": {"error", "tolerances", "run", "spatial", "solve"},
     "force": {"error", "tolerances", "spatial", "expressions"},
     "joint": {"error", "spatial"},
     "model": {"error", "tolerances", "spatial", "expressions", "aero", "force", "joint"},

@@ -33,12 +33,12 @@ def code(path):
 
 
 def small_numbers(text):
-    return [m[1] for m in NUMBER.finditer(text) if 0.0 < float(m[1].replace("_", "")) < SMALL]
+    return [m[1] for m in NUMBER.finditer(text) if 0.0 < float(m[1].replace("_", "")) <= SMALL]
 
 
 def test_small_numbers_are_found():
-    assert small_numbers("x > 1e-9 * y && z < 0.000_5 || 1.5e-4_f64 > w") == ["1e-9", "0.000_5", "1.5e-4"]
-    assert small_numbers("(0.85, 1e-3, 1e12, 3, a.0, f64::EPSILON, 0.0, v1e-5)") == []
+    assert small_numbers("x > 1e-9 * y && z < 0.000_5 || 1e-3_f64 > w") == ["1e-9", "0.000_5", "1e-3"]
+    assert small_numbers("(0.85, 2e-3, 1e12, 3, a.0, f64::EPSILON, 0.0, v1e-5)") == []
 
 
 def test_small_numbers_are_in_tolerances():

@@ -136,7 +136,8 @@ def test_bfgs_belongs_to_the_symmetric_form():
     print(formed, auto.stats.counts["inverse formations"], auto.stats.route)
     assert formed["symmetric"] < 0.1 * formed["ggl"]
     assert "Broyden's update took over" in auto.stats.route
-    assert auto.stats.counts["inverse formations"] < 0.2 * formed["ggl"]
+    # at the start and after either failure
+    assert auto.stats.counts["inverse formations"] == 3 < formed["ggl"] / 4
 
 
 def swing():

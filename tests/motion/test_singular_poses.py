@@ -136,6 +136,12 @@ def test_right_or_stopped_with_the_pose(method, coordinates, tolerances):
     assert finished >= 0.5 * tried and not wrong
 
 
+def test_bdf_finishes_nearly_all_of_some_rows():
+    """Eleven of twelve (measured): steps that were short before the poses cross them by long ones."""
+    finished, wrong, tried = passes("bdf", None, (1e-8, 1e-9, 1e-10), range(4))
+    assert finished >= 10 and tried == 12 and not wrong
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(("method", "coordinates", "tolerances"), WAYS)
 def test_many_are_right_or_stopped_with_the_pose(method, coordinates, tolerances):

@@ -270,6 +270,28 @@ def test_stability_of_a_large_system_by_a_reduced_model():
     assert off < 1e-6
 
 
+def test_a_reduced_model_whose_stiffness_is_off_by_a_thousandth_tells_nothing():
+    """The whole chain with a spring too much at the coordinate of the law, over the dynamic stiffness there: it tells the stability
+    by its own exponents, or not at all."""
+    omega = 1.05
+    system, force = long_chain(30, lambda w: Cubic(1.5, w=w))
+    one = balance.prepare(system, force, Fourier(1, condense=True))
+    (at,) = one.linear.core.retained
+    order = np.r_[at, np.delete(np.arange(30), at)]
+    M, C, K = (np.ascontiguousarray(A.toarray()[np.ix_(order, order)]) for A in (system.M, system.C, system.K))
+    halves = [half * omega / 2 for half in range(5)]
+    least = min(abs(1.0 / np.linalg.inv(K - w * w * M + 1j * w * C)[0, 0]) for w in halves)
+
+    def slowest(part):
+        spring = np.zeros_like(K)
+        spring[0, 0] = part * least
+        found = one.core.floquet(np.zeros(one.core.size), [omega], model=(M, C, K + spring))["exponents"]
+        assert len(found) == 60
+        return found[np.argsort(np.abs(found))][:2].imag.max()
+
+    assert abs(slowest(3e-3) / slowest(0.0) - 1) < 1e-9 < 1e-6 < abs(slowest(3e-4) / slowest(0.0) - 1)
+
+
 def test_stability_of_a_thousand_masses_is_told():
     system, force = long_chain(1000, lambda w: Cubic(50.0, w=w))
     curve = frequency_response(system, force=force, omega=(1.0, 1.15), harmonics=5, max_step=0.2)

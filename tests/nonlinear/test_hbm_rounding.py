@@ -41,6 +41,27 @@ def test_a_hinged_beam_is_that_of_the_closed_form(elements):
     assert max(off) < 30 / elements**2 + 2e-7  # elements of lumped mass: second order
 
 
+def by_elements(elements, omega):
+    """The same of the divided beam: displacements A sin(j x) and slopes B cos(j x) of its nodes solve two equations for each j."""
+    h = np.pi / elements
+    j = np.arange(1, elements, 2)
+    inertia = -(omega**2) + 1j * DAMPING * omega
+    own = 48 * np.sin(j * h / 2) ** 2 / h**3 + inertia * h
+    slope = (8 + 4 * np.cos(j * h)) / h + inertia * h**3 / 12
+    return 0.02 * np.sum(2 / elements / (own - (12 * np.sin(j * h) / h**2) ** 2 / slope))
+
+
+@pytest.mark.parametrize("elements", [500, 1500])
+def test_rounding_of_a_divided_beam_leaves_six_digits(elements):
+    system, force, middle = beam(elements)
+    off = []
+    for omega in (0.9, 1.05, 3.0):
+        one = harmonic_balance(system, force=force, omega=omega, harmonics=1)
+        off.append(abs(one.coefficient(middle) / by_elements(elements, omega) - 1))
+    print(f"beam of {elements} elements: error {max(off):.1e}")
+    assert max(off) < 1e-6
+
+
 @pytest.mark.slow
 def test_a_fine_beam_is_followed_without_stalling():
     few, force, middle = beam(100, law=0.2)

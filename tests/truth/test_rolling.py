@@ -135,19 +135,35 @@ def test_a_steady_motion_that_rolls():
     holds(mb.modes(m, at=at).roots, exact(5.0), 1e-7)
 
 
-@pytest.mark.parametrize("v, seed", [(0.3, 0), (2.0, 1), (7.0, 2)])
-def test_a_disc_that_rolls_straight(v, seed):
-    """A y" = C W f' (heading y, lean f), (A + m r^2) f" = m g r f - (C + m r^2) W y':
+def disc(v: float, seed: int, heading: float = 0.0) -> tuple[mb.Model, np.ndarray]:
+    """A disc that rolls upright, and its roots; ``heading``: how fast it turns, over its spin.
+
+    A y" = C W f' (heading y, lean f), (A + m r^2) f" = m g r f - (C + m r^2) W y':
     s^2 = (m g r - C (C + m r^2) W^2/A)/(A + m r^2).
     """
     mass, r, A, C = 2.0, 0.3, 0.05, 0.09
-    R, W = frame(20 + seed), v / 0.3
+    R, W = frame(seed), v / 0.3
     m = mb.Model("disc", gravity=tuple(-G * R[:, 2]))
     b = m.body("disc", mass=mass, inertia=(A, C, A), at=R @ [0, 0, r], orientation=R, velocity=tuple(v * R[:, 0]),
-               angular_velocity=tuple(W * R[:, 1]))  # fmt: skip
+               angular_velocity=tuple(W * R[:, 1] + heading * W * R[:, 2]))  # fmt: skip
     m.rolling_disc("track", m.ground, b, at=(R @ [0.5, 0.2, 0], R @ [0, 0, r]), axis=R[:, 2], axis2=R[:, 1], radius=r)
     s = np.sqrt(complex((mass * G * r - C * (C + mass * r * r) * W * W / A) / (A + mass * r * r)))
-    holds(mb.modes(m).roots, np.array([s, -s]), 1e-8)
+    return m, np.array([s, -s])
+
+
+@pytest.mark.parametrize("v, seed", [(0.3, 20), (2.0, 21), (7.0, 22)])
+def test_a_disc_that_rolls_straight(v, seed):
+    m, roots = disc(v, seed)
+    holds(mb.modes(m).roots, roots, 1e-8)
+
+
+@pytest.mark.parametrize("seed", [101, 102, 103])
+def test_a_path_that_bends_by_a_hundred_millionth_is_a_curve(seed):
+    """Over the spin of the disc; by a hundredth of that it is straight, and the roots are those of the straight path."""
+    m, roots = disc(2.0, seed, 1e-10)
+    holds(mb.modes(m).roots, roots, 1e-8)
+    with pytest.raises(mb.ModelError, match="moves on a curve"):
+        mb.modes(disc(2.0, seed, 1e-8)[0])
 
 
 def test_a_disc_on_a_curve_is_refused():

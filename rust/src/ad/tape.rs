@@ -496,7 +496,13 @@ impl DualNum for Taped {
     }
 
     fn sph_j2(&self) -> Self {
-        if self.re.abs() < 1e-3 { *self * *self * (1.0 / 15.0) } else { self.sph_j1() * 3.0 / *self - self.sph_j0() }
+        if self.re.abs() >= 0.1 {
+            return self.sph_j1() * 3.0 / *self - self.sph_j0();
+        }
+        let square = *self * *self;
+        let last = -square * (1.0 / 66.0) + 1.0;
+        let series = -square * (-square * last * (1.0 / 36.0) + 1.0) * (1.0 / 14.0) + 1.0;
+        square * series * (1.0 / 15.0)
     }
 }
 

@@ -26,7 +26,7 @@ use crate::multibody::placement::{Placement, State, advance, coordinates_of_pose
 use crate::multibody::topology::{Node, Purpose};
 use crate::run::Counts;
 use crate::spatial::{Pose, V3, rotation_of_quaternion};
-use crate::tolerances::constraints::{CLOSED_ENOUGH, CLOSED_ROUNDING, DOUBTFUL, FELT};
+use crate::tolerances::constraints::{CLOSED_ENOUGH, DOUBTFUL, FELT, POSE_ROUNDING};
 
 const MAX_ITERATIONS: usize = 60;
 /// Blocks of more rows and columns are closed by sparse factors.
@@ -109,7 +109,7 @@ pub fn close(system: &System, state: &mut State, effects: Effects, counts: &mut 
 /// What rounding leaves of each row, free of units.
 fn rounding(system: &System, q: &[f64], effects: Effects, rows: &RowBlocks) -> Vec<f64> {
     let bounds = crate::constraint::loop_lengths::bounds(system, q, effects, rows);
-    bounds.into_iter().map(|b| CLOSED_ROUNDING * b).collect()
+    bounds.into_iter().map(|b| POSE_ROUNDING * b).collect()
 }
 
 /// The largest of some rows, free of units, and whether all are rounding.

@@ -8,7 +8,7 @@ use crate::multibody::assemble::Effects;
 use crate::multibody::placement::place;
 use crate::multibody::topology::{ConstraintRow, Purpose};
 use crate::spatial::{Pose, V3};
-use crate::tolerances::constraints::ENTRY_ROUNDING;
+use crate::tolerances::matrices::ENTRY_ROUNDING;
 
 /// The drawn points of a joint on its two bodies, world.
 pub(crate) fn joint_points(system: &System, joint: usize) -> [V3<f64>; 2] {

@@ -19,7 +19,6 @@ use crate::run::Counts;
 use crate::spatial::{Pose, Six, V3, log_so3};
 
 use crate::equilibrium::local::{LONGEST_STEP, Local, Spectrum, moved};
-use crate::tolerances::equilibrium::SMALL_STEP;
 
 /// Least part of the promised fall of the energy.
 const TAKEN: f64 = 0.05;
@@ -93,7 +92,7 @@ impl<'s> Descent<'s> {
         counts: &mut Counts,
     ) -> Result<Option<(State, Local)>> {
         let start = self.level(state);
-        while self.radius > SMALL_STEP {
+        while self.radius > f64::EPSILON.sqrt() {
             counts.add("descent steps", 1);
             let limits = self.limits(local);
             let (sigma, p) = shortened(spectrum, &local.r, &limits);
@@ -198,7 +197,7 @@ fn shortened(spectrum: &Spectrum, r: &DVector<f64>, limits: &[f64]) -> (f64, DVe
     let mut p = answer(spectrum, r, high);
     let mut sigma = high;
     for _ in 0..40 {
-        let middle = if low > 0.0 { f64::sqrt(low * high) } else { 1e-3 * high };
+        let middle = if low > 0.0 { f64::sqrt(low * high) } else { 0.01 * high };
         let q = answer(spectrum, r, middle);
         let part = reach(&q, limits);
         if part > 1.0 {

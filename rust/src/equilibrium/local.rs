@@ -11,7 +11,8 @@ use crate::multibody::System;
 use crate::multibody::assemble::Effects;
 use crate::multibody::placement::{State, advance, place};
 use crate::run::Counts;
-use crate::tolerances::equilibrium::{ENTRY_ROUNDING, FALLS, NO_POTENTIAL, NO_STIFFNESS, PUSHED};
+use crate::tolerances::equilibrium::{FALLS, NO_POTENTIAL, NO_STIFFNESS, PUSHED};
+use crate::tolerances::matrices::ENTRY_ROUNDING;
 
 /// Diagonal entries of the stiffness below this part of the largest of their island are made as large by stretching their coordinates: far
 /// from what counts as no stiffness and from one.

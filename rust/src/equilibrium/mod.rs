@@ -20,7 +20,7 @@ use crate::multibody::System;
 use crate::multibody::assemble::Effects;
 use crate::multibody::placement::State;
 use crate::run::{Cancel, Counts};
-use crate::tolerances::equilibrium::{BALANCED, CLOSE, NEARLY_BALANCED, PUSHED, SETTLED, SMALL_STEP};
+use crate::tolerances::equilibrium::{BALANCED, CLOSE, NEARLY_BALANCED, PUSHED, SETTLED};
 
 const MAX_ITERATIONS: usize = 400;
 /// Iterations, and steps that were shortened, after which descent in energy takes over from Newton's method.
@@ -125,7 +125,8 @@ fn search(
             }
         }
         let step = newton_step(&local, &spectrum, sigma)?;
-        let near = residual <= NEARLY_BALANCED && step.amax() <= SMALL_STEP;
+        // of such a step the square is left
+        let near = residual <= NEARLY_BALANCED && step.amax() <= f64::EPSILON.sqrt();
         let done = residual <= BALANCED || step.amax() <= BALANCED || near;
         if done || local.is_rounding() {
             if residual > 4.0 * f64::EPSILON && residual.is_finite() {

@@ -1,6 +1,6 @@
 //! A spring in series with a slider: the element of Jenkins.
 use super::law::{At, Class, Law, Scalar, State};
-use crate::tolerances::motion::SLIDER_ROUNDING;
+use crate::tolerances::matrices::ENTRY_ROUNDING;
 
 /// k (u - z) while it does not exceed `slip`; beyond, the slider at z follows. Parameters k, slip.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -20,7 +20,7 @@ impl Law for Jenkins {
         let trial = k * (at.u - z[0]);
         // where a slider has just stopped the force is the limit but for rounding: it slips on if the rate says so
         let size = k.re().abs() * (at.u.re().abs() + z[0].re().abs()) + slip.re().abs();
-        let rounding = SLIDER_ROUNDING * f64::EPSILON * size;
+        let rounding = ENTRY_ROUNDING * f64::EPSILON * size;
         let onward = if trial.re() * at.v.re() > 0.0 { -rounding } else { rounding };
         if trial.re().abs() <= slip.re() + onward {
             after[0] = z[0];

@@ -23,7 +23,7 @@ use super::{Equations, Instant, LocalError, Motion, Scheme, Step, scaled_size};
 use crate::linalg::kkt::Kkt;
 use crate::linalg::matrix::turn_columns;
 use crate::multibody::rotations::{Maps, add_turning};
-use crate::tolerances::steps::{EXACT, QUADRATIC};
+use crate::tolerances::steps::{FIXED_SOLVED, QUADRATIC};
 
 const MAX_ITERATIONS: usize = 25;
 
@@ -424,7 +424,12 @@ impl Equations<'_, f64> {
             // what the last correction leaves, by how fast they shrink
             let left = if last.is_finite() { step * step / last } else { 0.0 };
             if step <= QUADRATIC * whole && left <= 16.0 * f64::EPSILON * whole || step <= 4.0 * f64::EPSILON {
-                return Ok((by, linear, step <= EXACT * whole, largest(y.as_slice()) <= QUADRATIC * c * largest(lam)));
+                return Ok((
+                    by,
+                    linear,
+                    step <= FIXED_SOLVED * whole,
+                    largest(y.as_slice()) <= QUADRATIC * c * largest(lam),
+                ));
             }
             if step > 2.0 * last && step > 1.0 {
                 break;

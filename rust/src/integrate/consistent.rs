@@ -15,7 +15,7 @@ use crate::run::Counts;
 use crate::tolerances::constraints::{CLOSED_ENOUGH, REDUNDANT_OPEN};
 
 use super::{Equations, Instant, Motion, scaled_size};
-use crate::tolerances::steps::{CLOSED, STILL};
+use crate::tolerances::steps::CLOSED;
 
 const CLOSING_STEPS: usize = 12;
 /// Part of all rates that the projection of a controlled step changes at most.
@@ -242,7 +242,7 @@ impl Equations<'_, f64> {
         let change = before.iter().zip(&end.motion.rate).map(|(a, b)| b - a);
         let turned = size(&change.collect::<Vec<f64>>());
         let all = size(before).max(h * size(&end.acceleration));
-        if turned <= BRANCH * all || h * turned <= STILL {
+        if turned <= BRANCH * all || h * turned <= CLOSED_ENOUGH {
             return Ok(());
         }
         Err(Error::Convergence {

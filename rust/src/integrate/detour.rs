@@ -1,8 +1,8 @@
 //! One long explicit step across a pose where the rows lose rank, its stages far from the pose.
 use super::explicit8::Explicit8;
 use super::{Equations, Scheme, scaled_size};
-use crate::tolerances::singular_poses::{FARTHEST_CROSSING, LUCK, NOISE_OF_RATES};
-use crate::tolerances::steps::FINEST_CROSSING;
+use crate::tolerances::constraints::CLOSED_ENOUGH;
+use crate::tolerances::singular_poses::{FARTHEST_CROSSING, LUCK, NOISE};
 
 /// Parts of a step of order eight far from all its stages: there the pose is to lie.
 const GAPS: [f64; 3] = [0.45, 0.75, 0.19];
@@ -70,8 +70,8 @@ pub(super) struct Approach {
 }
 
 /// The hold at which what a scheme leaves of its rows makes of rates what a step may err.
-fn noisy(rtol: f64, rounding: f64) -> f64 {
-    (NOISE_OF_RATES * rounding / rtol.max(FINEST_CROSSING)).sqrt()
+pub(super) fn noisy(rtol: f64, rounding: f64) -> f64 {
+    (NOISE * rounding / rtol.max(CLOSED_ENOUGH)).sqrt()
 }
 
 /// The way past a pose.

@@ -6,15 +6,16 @@ use crate::multibody::System;
 use crate::run::{Cancel, Counts};
 use crate::tolerances::motion::SAFETY;
 
-use super::detour::{Approach, Detour, Passage, again, passage};
+use super::detour::{Approach, Detour, Passage, again, noisy, passage};
 use super::kept::KeptSteps;
 use super::kinks::AtKinks;
 use super::sides::Sides;
 use super::watch::{Mark, Seen, Watch};
 use super::way::{Aim, Uncounted, Verdict, Way, active, scaled};
 use super::{Equations, Instant, LocalError, Motion, Scheme, Step};
-use crate::tolerances::singular_poses::{FARTHEST_CROSSING, LATER, NEAREST_CROSSING};
-use crate::tolerances::steps::{AHEAD, FADING, FINEST_CROSSING, FROM_REST, SAME_INSTANT};
+use crate::tolerances::constraints::CLOSED_ENOUGH;
+use crate::tolerances::singular_poses::{FARTHEST_CROSSING, LOOK};
+use crate::tolerances::steps::{FROM_REST, SAME_INSTANT};
 
 pub use super::plan::{End, Output, Plan, Progress, Run, Steps};
 
@@ -200,7 +201,7 @@ impl Driver<'_, '_, '_> {
     /// The system that holds from here on, where laws have kinks.
     fn held(&mut self, way: &Way, counts: &mut Counts) -> Option<System> {
         let total = self.plan.end - self.start;
-        let moment = AHEAD * self.first_step(&way.here, 1.0, 1).min(way.h).min(total);
+        let moment = f64::EPSILON.cbrt() * self.first_step(&way.here, 1.0, 1).min(way.h).min(total);
         let sides = self.sides.as_mut()?;
         sides.look_ahead(&way.here, moment, counts);
         Some(sides.held())
@@ -276,8 +277,7 @@ impl Driver<'_, '_, '_> {
         way.to_kink = None;
         way.failures = 0;
         way.after_rejection = false;
-        let faded = way.recent * (-FADING * aim.length / way.recent.max(aim.length)).exp();
-        way.recent = aim.length.max(faded);
+        way.recent = aim.length;
         let crossed = way.detour.is_some();
         let seen = self.watch.see(self.eq, (&way.here, &step.end), (mark, crossed), counts);
         way.here = step.end;
@@ -356,7 +356,7 @@ impl Driver<'_, '_, '_> {
 
     /// The smallest tolerance that rounding allows near a singular pose; none far from one.
     fn finest(&self, way: &Way) -> f64 {
-        if way.detour.is_some() { FINEST_CROSSING } else { self.watch.noise().min(FINEST_CROSSING) }
+        if way.detour.is_some() { CLOSED_ENOUGH } else { self.watch.noise().min(CLOSED_ENOUGH) }
     }
 
     fn mark(&self) -> Mark {
@@ -376,15 +376,16 @@ impl Driver<'_, '_, '_> {
         let speed = self.scaled(&way.here.motion.rate);
         let reach = way.h * 2.0 + if own { 0.0 } else { FARTHEST_CROSSING / speed };
         let Some(hold) = self.watch.near(self.eq, &way.here, speed * reach, counts) else { return };
-        let seen = self.eq.way_to_singular_pose(&way.here, hold, reach, counts);
+        let seen = self.eq.way_to_singular_pose(&way.here, hold, counts);
         let Some(ahead) = seen.filter(|a| *a <= reach) else {
-            self.watch.own_until = t + LATER * hold / speed;
+            self.watch.own_until = t + LOOK * hold / speed;
             return;
         };
         match passage(&Approach { ahead, h: way.h, speed, slope: hold / ahead, rtol }, scheme) {
-            Passage::Own => self.watch.own_until = t + LATER * ahead,
+            Passage::Own => self.watch.own_until = t + LOOK * ahead,
             Passage::Shorter(h) => way.h = h,
-            Passage::Crossing(length) if speed * ahead > NEAREST_CROSSING => {
+            // nearer to it a crossing begins in its own noise
+            Passage::Crossing(length) if hold > noisy(rtol, f64::EPSILON) => {
                 counts.add("detours", 1);
                 way.detour = Some(Detour::of((t, ahead), length, way.h, self.watch.again));
                 way.h = length;
@@ -405,7 +406,8 @@ impl Driver<'_, '_, '_> {
         (way.here, way.h, way.failures, way.after_rejection) = (shore.instant, shore.h, 0, false);
         self.watch.return_to(self.eq, &way.here, counts);
         self.sides.iter_mut().for_each(|s| s.return_to(&way.here));
-        let ahead = self.eq.way_to_singular_pose(&way.here, self.watch.hold, 2.0 * passed, counts).unwrap_or(passed);
+        let ahead = self.eq.way_to_singular_pose(&way.here, self.watch.hold, counts);
+        let ahead = ahead.filter(|a| *a <= 2.0 * passed).unwrap_or(passed);
         let t = way.here.motion.t;
         way.detour = Some(Detour::of((t, ahead), ahead / gap, shore.h, self.watch.again));
         way.h = ahead / gap;

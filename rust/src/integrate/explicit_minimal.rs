@@ -18,7 +18,7 @@ use crate::tolerances::constraints::{CLOSED_ENOUGH, DOUBTFUL};
 use super::explicit_pivots::{Factors, Plan};
 use super::{Equations, Motion, scaled_size};
 use crate::linalg::matrix::Matrix;
-use crate::tolerances::steps::{CLOSED, COARSELY_CLOSED};
+use crate::tolerances::steps::CLOSED;
 
 /// Another choice is taken where it has a pivot that is larger by this factor.
 const WORN: f64 = 4.0;
@@ -124,7 +124,7 @@ impl Minimal {
         let plan = self.plan.as_ref().ok_or_else(no_choice)?;
         let tolerance = |least: f64| match end {
             true => CLOSED,
-            false => (self.tolerance * least * least).clamp(CLOSED, COARSELY_CLOSED),
+            false => (self.tolerance * least * least).max(CLOSED),
         };
         let scales = eq.scales();
         let (mut m, mut last, mut left) = (from.moved(eq.topology(), &y), f64::INFINITY, NEWTON_STEPS);

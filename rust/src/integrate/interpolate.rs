@@ -3,7 +3,6 @@
 //! Increments theta are counted from the start; at the end theta' = J_l^-1(theta) v, and theta" is a minus the turning of that
 //! map, which a difference along the motion gives to more than the accuracy of the polynomial.
 use super::{Equations, Instant, Motion, scaled_size};
-use crate::tolerances::steps::INTERPOLATED;
 
 pub fn quintic(eq: &Equations<'_, f64>, from: &Instant, to: &Instant, h: f64, fractions: &[f64]) -> Vec<Motion<f64>> {
     let n = eq.n();
@@ -49,7 +48,7 @@ pub fn inside(
 /// theta" at the end: d/dt of J_l^-1(theta) v along the motion.
 fn end_acceleration(eq: &Equations<'_, f64>, theta: &[f64], speed: &[f64], to: &Instant) -> Vec<f64> {
     let size = scaled_size(speed, &eq.scales());
-    let d = INTERPOLATED / if size > 0.0 { size } else { 1.0 };
+    let d = f64::EPSILON.cbrt() / if size > 0.0 { size } else { 1.0 };
     let at = |s: f64| {
         let moved: Vec<f64> = theta.iter().zip(speed).map(|(y, v)| y + s * v).collect();
         let rate: Vec<f64> = to.motion.rate.iter().zip(&to.acceleration).map(|(v, a)| v + s * a).collect();

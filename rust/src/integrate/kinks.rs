@@ -10,7 +10,8 @@ use crate::multibody::System;
 use crate::multibody::connector::motion_of;
 use crate::multibody::topology::{BoundFunction, BoundLaw, Connector, Owner};
 use crate::run::Counts;
-use crate::tolerances::steps::{JUMP, ROUNDED_DISTANCE};
+use crate::tolerances::matrices::ENTRY_ROUNDING;
+use crate::tolerances::steps::JUMP;
 
 use super::{Equations, Motion, scaled_size};
 
@@ -42,8 +43,8 @@ impl SharpKink {
             owner,
             may_jump: false,
             acts: true,
-            rounding: ROUNDED_DISTANCE * rounding,
-            rounding_of_rate: ROUNDED_DISTANCE * rounding_of_rate,
+            rounding: ENTRY_ROUNDING * f64::EPSILON * rounding,
+            rounding_of_rate: ENTRY_ROUNDING * f64::EPSILON * rounding_of_rate,
         }
     }
 }

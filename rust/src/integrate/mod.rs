@@ -74,6 +74,7 @@ use crate::multibody::placement::{Placement, advance, difference, place};
 use crate::multibody::topology::Topology;
 use crate::run::Counts;
 use crate::spatial::Real;
+use crate::tolerances::constraints::CLOSED_ENOUGH;
 use crate::tolerances::steps::BEFORE_BREAK;
 use kept::Parts;
 
@@ -214,6 +215,12 @@ pub trait Scheme {
 /// The length of a step to where a load or a drive is not smooth: it ends just before, what jumps there belongs to what follows.
 pub fn before_break(length: f64, start: f64, end: f64) -> f64 {
     length - (BEFORE_BREAK * end.abs().max(end - start)).min(0.5 * length)
+}
+
+/// Motions within a step below this, characteristic lengths or radians, are solved as if they were of this size: of it `CLOSED_ENOUGH`,
+/// to which corrections of rounding may stay, is the rounding of poses.
+pub fn least_motion() -> f64 {
+    f64::EPSILON / CLOSED_ENOUGH
 }
 
 /// The largest entry over its scale; entries that are nan do not count.

@@ -9,7 +9,7 @@ use crate::error::Result;
 use crate::force::Side;
 use crate::multibody::System;
 use crate::run::Counts;
-use crate::tolerances::steps::{AT_KINK, BESIDE_KINK, KINK_POLISH, KINK_SEARCH, KINK_SHARE, SEEN_KINK};
+use crate::tolerances::steps::{AT_KINK, BESIDE_KINK, KINK_POLISH, KINK_SEARCH, NOISE_SHARE, SEEN_KINK};
 
 use super::explicit8::Explicit8;
 use super::kinks::{AtKinks, Missed, SharpKink, Smooth};
@@ -18,7 +18,7 @@ use super::{Equations, Instant, Motion, Scheme, scaled_size};
 /// Parts of a step at which kinks are looked for, besides its end.
 const LOOKED: [f64; 7] = [0.125, 0.25, 0.375, 0.5, 0.625, 0.75, 0.875];
 /// Bounds of a guess in the rest of the step, so that its ends move.
-const EDGE: f64 = 1e-3;
+const EDGE: f64 = 0.01;
 const JUMPS: &str = "its force jumps";
 const ENDLESS: &str = "it passes its kink again and again without end";
 const WITHIN: &str = "it passes its kink within a step";
@@ -115,7 +115,7 @@ impl<'e, 's> Sides<'e, 's> {
             sizes: vec![0.0; n],
             hardest: 0.0,
             fastest: 0.0,
-            zero: rtol.map_or(BESIDE_KINK, |rtol| BESIDE_KINK.max(KINK_SHARE * rtol)),
+            zero: rtol.map_or(BESIDE_KINK, |rtol| BESIDE_KINK.max(NOISE_SHARE * rtol)),
             search: None,
             unseen: None,
             inside: None,

@@ -8,7 +8,7 @@ use nalgebra::DVector;
 use crate::error::Result;
 use crate::multibody::topology::Purpose;
 use crate::run::Counts;
-use crate::tolerances::singular_poses::{FAR, FIRST_LOOK, NEXT_LOOK};
+use crate::tolerances::singular_poses::LOOK;
 
 use super::{Equations, Instant, Motion, scaled_size};
 
@@ -35,13 +35,13 @@ impl Equations<'_, f64> {
     }
 
     /// The time from `at` to the singular pose ahead: where the hold, which falls in proportion to the distance, is nothing along the
-    /// way that the motion begins; None where it does not fall, or by far not within `reach`. `hold`: at `at`.
-    pub fn way_to_singular_pose(&self, at: &Instant, hold: f64, reach: f64, counts: &mut Counts) -> Option<f64> {
+    /// way that the motion begins; None where it does not fall. `hold`: at `at`.
+    pub fn way_to_singular_pose(&self, at: &Instant, hold: f64, counts: &mut Counts) -> Option<f64> {
         let speed = scaled_size(&at.motion.rate, &self.scales());
         if speed == 0.0 || hold == 0.0 {
             return None;
         }
-        let (mut here, mut next) = ((0.0, hold), FIRST_LOOK * hold / speed);
+        let (mut here, mut next) = ((0.0, hold), LOOK * hold / speed);
         let mut pose = None;
         for _ in 0..LOOKS {
             let held = self.hold(&self.foreseen(at, next), counts);
@@ -50,19 +50,16 @@ impl Equations<'_, f64> {
                 return pose;
             }
             let zero = here.0 - here.1 / slope;
-            if zero > FAR * reach {
-                return None;
-            }
             pose = Some(zero);
             here = (next, held);
-            next += NEXT_LOOK * (zero - next);
+            next = 0.5 * (next + zero);
         }
         pose
     }
 
     /// Can drives go on beyond the singular pose ahead? Rows that do not move with time can; others where they can be closed there.
     pub fn goes_beyond(&self, at: &Instant, hold: f64, counts: &mut Counts) -> bool {
-        self.way_to_singular_pose(at, hold, f64::INFINITY, counts).is_none_or(|ahead| {
+        self.way_to_singular_pose(at, hold, counts).is_none_or(|ahead| {
             let mut beyond = at.motion.clone();
             beyond.t += BEYOND * ahead;
             self.close(&mut beyond, counts).is_ok()

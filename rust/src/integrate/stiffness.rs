@@ -7,7 +7,6 @@ use super::methods::STIFF;
 use super::{Equations, Instant, Motion, scaled_size};
 use crate::linalg::matrix::Matrix;
 use crate::multibody::rotations::Maps;
-use crate::tolerances::roots::DIFFERENCE;
 use nalgebra::DVector;
 
 const ITERATIONS: usize = 12;
@@ -58,7 +57,7 @@ impl Equations<'_, f64> {
             // rates are changed by a part of the motion's own, or of what the vibration would have
             let natural =
                 if displaced { 1.0 } else { [own, fastest.vibration].into_iter().find(|r| *r > 0.0).unwrap_or(1.0) };
-            let change = DIFFERENCE * natural;
+            let change = f64::EPSILON.sqrt() * natural;
             for _ in 0..ITERATIONS {
                 let unit = change / size(&x).max(f64::MIN_POSITIVE);
                 let nudge: Vec<f64> = x.iter().map(|v| v * unit).collect();

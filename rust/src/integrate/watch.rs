@@ -8,7 +8,7 @@ use crate::run::Counts;
 
 use super::singular::LosingRank;
 use super::{Equations, Instant, Motion, scaled_size};
-use crate::tolerances::singular_poses::{COLLAPSED, NEAR, NOISE_OF_STEPS, TURNED, TURNED_BY_ROUNDING};
+use crate::tolerances::singular_poses::{COLLAPSED, NEAR, NOISE, TURNED};
 
 /// The hold falls at most so much faster than the motion moves.
 const STEEPEST: f64 = 4.0;
@@ -94,7 +94,7 @@ impl Watch {
     /// What rounding makes of rates here, where the rows hold less firmly than they have done.
     pub fn noise(&self) -> f64 {
         let weak = self.active && self.hold < FIRM * self.best;
-        if weak { NOISE_OF_STEPS * f64::EPSILON / (self.hold * self.hold).max(f64::MIN_POSITIVE) } else { 0.0 }
+        if weak { noise_of_rates(self.hold) } else { 0.0 }
     }
 
     /// Is such a step next to nothing beside that from the shore?
@@ -228,9 +228,14 @@ impl Shore {
         let from = &self.instant;
         let whole = scaled_size(&from.motion.rate, scales).max(scaled_size(&end.motion.rate, scales));
         let much = |v: &[f64]| scaled_size(v, scales) > TURNED * whole;
-        let by_rounding = f64::EPSILON > TURNED_BY_ROUNDING * self.least * self.least;
+        let by_rounding = noise_of_rates(self.least) > TURNED;
         much(&unexplained(from, end)) && (by_rounding || much(&self.unexplained))
     }
+}
+
+/// Rounding of rates over all rates, where the rows hold this firmly.
+fn noise_of_rates(hold: f64) -> f64 {
+    NOISE * f64::EPSILON / (hold * hold).max(f64::MIN_POSITIVE)
 }
 
 /// v1 - v0 - (t1 - t0) (a0 + a1)/2.

@@ -19,7 +19,7 @@ pub(super) struct Way {
     pub to_kink: Option<f64>,
     /// the last step passed a kink of a law
     pub kinked: bool,
-    /// the longest step of late, fading with time: shrinking steps do not hide what they shrink from
+    /// length of the last step that was accepted
     pub recent: f64,
 }
 

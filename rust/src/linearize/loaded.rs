@@ -9,7 +9,7 @@ use crate::multibody::System;
 use crate::multibody::assemble::Effects;
 use crate::multibody::placement::{self, State, drawn_q};
 use crate::spatial::V3;
-use crate::tolerances::constraints::CLOSED_ROUNDING;
+use crate::tolerances::constraints::POSE_ROUNDING;
 use crate::tolerances::coordinates::SAME_POINT;
 
 /// Does anything carry force? A drawn state without cause for force has none; rounding must not make one.
@@ -62,5 +62,5 @@ fn closing(system: &System, state: &State, effects: Effects) -> Result<f64> {
     }
     let rows = &system.decision(effects)?.rows;
     let rounding = bounds(system, &state.q, effects, rows).into_iter().fold(0.0, f64::max);
-    Ok((CLOSED_ROUNDING * rounding).max(SAME_POINT))
+    Ok((POSE_ROUNDING * rounding).max(SAME_POINT))
 }

@@ -19,7 +19,8 @@ use crate::second_order::modal::{Kind, Modal, modes as dense_modes};
 use crate::second_order::sparse_general::{self, GeneralModes, Problem};
 use crate::second_order::sparse_modal::lowest;
 use crate::second_order::sparse_pencil::{Mixed, Pencil, ShiftInvert};
-use crate::tolerances::sparse_modes::{INSIDE, RESOLVED, SAME_ROOT};
+use crate::tolerances::modes::SHARP;
+use crate::tolerances::sparse_modes::SAME_ROOT;
 
 /// Rounds of widening, and the estimated error of an eigenvalue at which they stop.
 const ROUNDS: usize = 6;
@@ -349,7 +350,7 @@ impl<'a> Subspace<'a> {
             let (r, residual) = self.residuals(&modal, n, &accelerations);
             counts.add("damped subspaces", 1);
             let error = eigenvalue_errors(&modal, &residual);
-            let open: Vec<usize> = (0..n).filter(|k| error[*k] > RESOLVED).collect();
+            let open: Vec<usize> = (0..n).filter(|k| error[*k] > SHARP).collect();
             let worst = open.iter().map(|k| residual[*k]).fold(0.0, f64::max);
             // rounding sets a floor to residuals, which count the highest accelerations most
             let stalled = round > 1 && worst > 0.5 * before;
@@ -432,8 +433,8 @@ impl<'a> Subspace<'a> {
             kw -= &self.kz * &h;
         }
         let after = norm(&w);
-        // the remainder of a vector that is nearly inside the space is noise
-        if after.is_nan() || after <= INSIDE * before {
+        // the rounding of a vector counts for as much more as it shrank: K z is not known to `SHARP` then
+        if after.is_nan() || SHARP * after <= f64::EPSILON * before {
             return;
         }
         w *= faer::Scale(1.0 / after);

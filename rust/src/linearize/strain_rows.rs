@@ -10,8 +10,7 @@ use crate::multibody::placement::{Placement, place};
 use crate::multibody::topology::Owner;
 use crate::multibody::wanted::Wanted;
 use crate::spatial::{Six, V3};
-use crate::tolerances::constraints::CLOSED_ENOUGH;
-use crate::tolerances::linearisation::POSE_ROUNDING;
+use crate::tolerances::constraints::{CLOSED_ENOUGH, POSE_ROUNDING};
 
 /// One elastic element: its bodies (None: ground), its point in the world, the gradients of its strains by the relative twist there, and
 /// its stiffness over them, the slopes of its laws included.

@@ -11,7 +11,7 @@ use super::refined::Solution;
 use crate::error::{Error, Result};
 use crate::linalg::complex_lanes::LANES;
 use crate::tolerances::matrices::SAME_ENTRY;
-use crate::tolerances::periodic::{ABSENT, FELT, LANE_PRODUCT, MOST_LANES, REFINED, SETTLED};
+use crate::tolerances::periodic::{FELT, LANE_PRODUCT, MOST_LANES};
 
 const REFINEMENTS: usize = 6;
 
@@ -281,8 +281,10 @@ impl Condensed {
         for _ in 0..REFINEMENTS {
             let mut residual = solution.residual(&split.ll, &split.lr, &held, None, w);
             let missing = left.unwrap_or(&solution.x).transpose() * &residual;
+            // the next correction is about the square of this one
             let known = |at: usize| {
-                missing[(at / n_r, at % n_r)].l1_norm() <= SETTLED * scale[at] + ABSENT * f64::EPSILON * size[at]
+                let natural = scale[at] + f64::EPSILON * size[at];
+                missing[(at / n_r, at % n_r)].l1_norm() <= f64::EPSILON.sqrt() * natural
             };
             if (0..n_r * n_r).all(known) {
                 let s = solution.schur(&split.rr, &split.rl, w) - &missing;
@@ -431,7 +433,7 @@ impl DynamicStiffness for Condensed {
             let mut change = solution.residual(&split.ll, &split.lr, &held, Some(&load), w);
             self.factor.solve(&mut change, false);
             solution.add(&change);
-            if change.norm_max() <= REFINED * solution.x.norm_max() {
+            if change.norm_max() <= f64::EPSILON.sqrt() * solution.x.norm_max() {
                 break;
             }
         }

@@ -12,7 +12,8 @@ use crate::run::Cancel;
 use crate::solve::Linearisation;
 use crate::solve::corrector::{Options, Point, Workspace};
 use crate::solve::segment::{Jump, Segment};
-use crate::tolerances::periodic::{AXIS, AXIS_ROOT, NEUTRAL, RESONANT, SAME_CROSSING, SAME_PAIR, STEEPER};
+use crate::tolerances::periodic::{EXPONENT, NEUTRAL, RESONANT, SAME_PAIR, STEEPER};
+use crate::tolerances::roots::EVENT_SOLVED;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kind {
@@ -132,11 +133,11 @@ impl Search<'_> {
             let at = segment.distance(&point);
             // the two of a conjugate pair grow alike
             let pair = |(other, s): &(f64, c64)| {
-                (at - other).abs() <= SAME_CROSSING * segment.length() && same_pair(*s, root.exponent)
+                (at - other).abs() <= EVENT_SOLVED.sqrt() * segment.length() && same_pair(*s, root.exponent)
             };
             if !found.iter().any(pair) {
                 found.push((at, root.exponent));
-                self.push(root, AXIS, settled);
+                self.push(root, EXPONENT, settled);
             }
         }
         if found.is_empty() { self.border(a, b, settled) } else { Ok(()) }
@@ -211,8 +212,9 @@ impl Search<'_> {
         let (here, Motion { z, exponents, w0 }) = (self.motion(&before, level)?, self.motion(&after, level)?);
         let (here, there) = (ranked(&here.exponents, 0), ranked(&exponents, 0));
         let (calm, exponent) = if here.re <= there.re { (here, there) } else { (there, here) };
-        // on the axis on one side and near it on the other: otherwise the exponents jump
-        let axis = if calm.re.abs() <= AXIS * w0 { AXIS_ROOT } else { 0.0 };
+        // on the axis on one side and near it on the other, where two that meet part like the root of the distance: otherwise
+        // the exponents jump
+        let axis = if calm.re.abs() <= EXPONENT * w0 { EXPONENT.sqrt() } else { 0.0 };
         self.push(Root { z, exponent, w0 }, axis, settled);
         Ok(())
     }
@@ -321,7 +323,7 @@ mod tests {
     #[test]
     fn where_an_exponent_crosses_tells_the_kind() {
         let w0 = 3.7;
-        let kind = |re: f64, im: f64| crossing(c64::new(re * w0, im * w0), w0, AXIS);
+        let kind = |re: f64, im: f64| crossing(c64::new(re * w0, im * w0), w0, EXPONENT);
         assert_eq!([1e-5, 1e-3].map(|im| kind(0.0, im)), [Kind::BranchPoint, Kind::NeimarkSacker]);
         assert_eq!([1e-5, 1e-3].map(|off| kind(0.0, 0.5 - off)), [Kind::PeriodDoubling, Kind::NeimarkSacker]);
         assert_eq!([1e-7, 1e-5].map(|re| kind(re, 0.0)), [Kind::BranchPoint, Kind::Grazing]);

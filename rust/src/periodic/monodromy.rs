@@ -16,7 +16,7 @@ use crate::periodic::aft::Aft;
 use crate::periodic::linear::Matrices;
 use crate::periodic::problem::{Deviation, Problem, Tangents};
 use crate::periodic::rows::{join, root};
-use crate::tolerances::periodic::{MONODROMY, SHRINKING};
+use crate::tolerances::periodic::MONODROMY;
 
 /// Coarsest number of steps per period, and how often it is doubled at most.
 const COARSEST: usize = 32;
@@ -165,7 +165,8 @@ impl Table {
             _ => f64::INFINITY,
         };
         // where changes shrink, the next one shrinks at least as fast: it is the error of the present value
-        let next = if change <= SHRINKING { change * (change / self.change).min(1.0) } else { change };
+        // larger ones do not tell yet how fast the next ones will shrink
+        let next = if change <= MONODROMY.sqrt() { change * (change / self.change).min(1.0) } else { change };
         self.settled = next <= MONODROMY;
         (self.last, self.change) = (row, change);
     }

@@ -5,7 +5,6 @@ use crate::run::Cancel;
 use crate::solve::Linearisation;
 use crate::solve::continuation::{Advance, Branch};
 use crate::solve::corrector::{Options, Point};
-use crate::tolerances::periodic::ALONG_BRANCH;
 
 const STEPS: usize = 400;
 
@@ -21,7 +20,7 @@ impl Quantity {
     fn series(&self, problem: &mut Problem, point: &Point) -> Result<(Vec<f64>, Vec<f64>)> {
         let here = self.coefficients(problem, &point.z)?;
         let length = point.z.iter().zip(&point.scale).map(|(z, s)| (z / s).powi(2)).sum::<f64>().sqrt();
-        let h = ALONG_BRANCH * length.max(1.0);
+        let h = f64::EPSILON.cbrt() * length.max(1.0);
         let mut slope = vec![0.0; here.len()];
         // fourth order: what is kept is linear in y and smooth in omega
         for (steps, weight) in [(1.0, 2.0 / 3.0), (2.0, -1.0 / 12.0)] {

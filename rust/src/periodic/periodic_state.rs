@@ -9,7 +9,7 @@
 use crate::error::{Error, Result};
 use crate::force::{AnyLaw, StateSlopes};
 use crate::solve::nan_or_largest;
-use crate::tolerances::periodic::{STATE_CLOSED, STATE_FREE, STATE_ROUNDING};
+use crate::tolerances::periodic::ROW_ROUNDING;
 
 /// Weights of g0, g1, g2, over the length of both intervals.
 const INNER: [f64; 3] = [5.0 / 24.0, 1.0 / 3.0, -1.0 / 24.0];
@@ -56,7 +56,8 @@ impl PeriodicState {
             let end = out.march(law, p, samples, z0)?;
             let size = out.at.iter().fold(0.0_f64, |s, at| s.max(at.z.abs()));
             let loss = 1.0 - out.growth;
-            if (end - z0).abs() <= STATE_CLOSED * size || loss.abs() < STATE_FREE {
+            let rounding = period_rounding(n);
+            if (end - z0).abs() <= rounding * size || loss.abs() < rounding {
                 return Ok(out);
             }
             // a start outside of what the law can reach goes on with the period
@@ -99,7 +100,7 @@ impl PeriodicState {
     pub fn along(&self, change: &Change<'_>, dz: &mut [f64]) {
         let loss = 1.0 - self.growth;
         let end = self.carried(change, 0.0, dz);
-        if loss.abs() >= STATE_FREE {
+        if loss.abs() >= period_rounding(self.at.len()) {
             self.carried(change, end / loss, dz);
         }
     }
@@ -122,6 +123,11 @@ impl PeriodicState {
         }
         d
     }
+}
+
+/// Rounding of a state after a period of n intervals, and of what the period leaves of a change of it: relative to each.
+fn period_rounding(n: usize) -> f64 {
+    ROW_ROUNDING * f64::EPSILON * n as f64
 }
 
 /// The start and the two unknown states of two intervals of length h together.
@@ -147,7 +153,7 @@ impl Pair {
         let rates = all.map(|at| at.rate_size);
         let allowed = |w: [f64; 3], z: f64| {
             let terms = self.first.z.abs() + z.abs() + self.h * weighed(w.map(f64::abs), rates);
-            STATE_ROUNDING * f64::EPSILON * terms
+            ROW_ROUNDING * f64::EPSILON * terms
         };
         let miss = self.miss();
         miss[0].abs() <= allowed(INNER, self.middle.z) && miss[1].abs() <= allowed(OUTER, self.end.z)

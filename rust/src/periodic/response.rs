@@ -14,7 +14,7 @@ use crate::solve::Linearisation;
 use crate::solve::continuation::{Advance, Branch};
 use crate::solve::corrector::{Options, Point, Workspace};
 use crate::solve::segment::Jump;
-use crate::tolerances::periodic::{BRANCHING, HIDDEN};
+use crate::tolerances::periodic::HIDDEN;
 
 #[derive(Debug, Clone, Copy)]
 pub struct Settings {
@@ -189,9 +189,10 @@ impl Follower {
             let same = |_: &mut Problem, p: &Point, _: &Linearisation| Ok(p.orientation == a.orientation);
             match segment.jump(&mut self.problem, &mut work, cancel, same)? {
                 Jump::Between { after, width, .. } => {
-                    // at a corner of the equations the determinant jumps through zero, and no branch crosses
+                    // at a corner of the equations the determinant jumps through zero, and no branch crosses: there the regularity
+                    // stays, at a branch point it falls with the width
                     let typical = a.regularity.max(point.regularity);
-                    let crosses = after.regularity <= BRANCHING * width * typical;
+                    let crosses = after.regularity <= width.sqrt() * typical;
                     return Ok(Some(crosses.then_some(*after)));
                 }
                 Jump::Torn if self.branch.retreat() => {}

@@ -15,7 +15,7 @@ use crate::linalg::balance::Balanced;
 use crate::periodic::aft::Aft;
 use crate::periodic::linear::{Block, Matrices};
 use crate::periodic::problem::Problem;
-use crate::tolerances::periodic::{AGREEMENT, EDGE, REDUCED_MODEL, TRACE, VISIBLE};
+use crate::tolerances::periodic::{EXPONENT, REDUCED_MODEL, VISIBLE};
 
 /// Largest Hill matrix; beyond, a period of integration is cheaper.
 const LARGEST_HILL: usize = 130;
@@ -201,7 +201,7 @@ impl Inertia {
             }
         }
         let sum: f64 = exponents.iter().map(|s| s.re).sum();
-        exponents.len() == 2 * n && (sum + trace).abs() <= TRACE * (problem.base_frequency() + trace.abs())
+        exponents.len() == 2 * n && (sum + trace).abs() <= EXPONENT * (problem.base_frequency() + trace.abs())
     }
 }
 
@@ -242,7 +242,7 @@ fn hill(problem: &Problem, inertia: &Inertia, jacobian: MatRef<'_, f64>, rate: M
     }
     let mut roots = eigenvalues(&companion)?;
     // a root on the edge comes with its copy on the other edge, which is the same exponent
-    roots.retain(|s| (s.im + 0.5).abs() >= EDGE);
+    roots.retain(|s| (s.im + 0.5).abs() >= EXPONENT);
     roots.sort_by(|a, b| a.im.abs().total_cmp(&b.im.abs()).then(b.im.total_cmp(&a.im)));
     roots.truncate(2 * n);
     Ok(roots.iter().map(|s| s * w0).collect())
@@ -258,7 +258,7 @@ fn agree(exponents: &[c64], period: f64, parts: &[Monodromy]) -> Result<bool> {
     }
     Ok(exponents.iter().all(|s| {
         let multiplier = (s * period).exp();
-        multipliers.iter().any(|(m, largest)| (m - multiplier).norm() <= AGREEMENT * largest)
+        multipliers.iter().any(|(m, largest)| (m - multiplier).norm() <= EXPONENT * largest)
     }))
 }
 

@@ -6,7 +6,8 @@ use crate::solve::continuation::{Advance, Branch};
 use crate::solve::corrector::{self, Corrector, Predictor};
 use crate::solve::newton::{self, Options, Outcome};
 use crate::solve::{Curve, Linearisation};
-use crate::tolerances::periodic::{FIRST_STEP, LEAST_STEP};
+use crate::tolerances::periodic::FIRST_STEP;
+use crate::tolerances::roots::EVENT_SOLVED;
 
 const RAMP_STEPS: usize = 2000;
 
@@ -68,7 +69,7 @@ fn ramp(problem: &mut Problem, y: &mut [f64], options: Options, cancel: &Cancel)
         tolerance: options.tolerance,
         max_corrections: 10,
         first_step: FIRST_STEP,
-        least_step: LEAST_STEP,
+        least_step: EVENT_SOLVED,
         largest_step: 0.2,
         parameter_scale: 1.0,
     };

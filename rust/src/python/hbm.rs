@@ -23,7 +23,8 @@ use crate::periodic::start;
 use crate::periodic::truncation::{Judge, Solution, Verdict};
 use crate::solve::newton::Options;
 use crate::solve::{Curve, Linearisation};
-use crate::tolerances::periodic::{FIRST_STEP, LEAST_STEP, PEAK_SOLVED};
+use crate::tolerances::periodic::FIRST_STEP;
+use crate::tolerances::roots::EVENT_SOLVED;
 
 pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(law_force, module)?)?;
@@ -466,8 +467,8 @@ fn judged(
     let mut along = if free { autonomous::rate(problem, y) } else { vec![0.0; y.len()] };
     along.push(if free { 0.0 } else { 1.0 });
     let z: Vec<f64> = y.iter().copied().chain([p]).collect();
-    let steps = [FIRST_STEP, LEAST_STEP, 1.0];
-    let options = options("tangent", "pseudo-arclength", steps, PEAK_SOLVED, p)?;
+    let steps = [FIRST_STEP, EVENT_SOLVED, 1.0];
+    let options = options("tangent", "pseudo-arclength", steps, EVENT_SOLVED, p)?;
     let estimate = Estimate::bound(problem, y, error);
     Judge::new(stability, finer, options, free).judge(problem, out, Solution { z: &z, along: &along }, &estimate, false)
 }

@@ -11,7 +11,6 @@ use crate::solve::Residual;
 use crate::solve::inverse::{Family, Guard, Inverse};
 use crate::solve::inverse_bfgs::{Options, Outcome, Start, Status, solve};
 use crate::solve::line_search::Rule;
-use crate::tolerances::roots::DIFFERENCE;
 
 pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<RootInverse>()?;
@@ -147,7 +146,7 @@ impl Asked {
             guard: Guard { curvature: self.curvature, determinant: self.determinant },
             start,
             memory: self.memory,
-            difference: self.differences.unwrap_or(DIFFERENCE),
+            difference: self.differences.unwrap_or(f64::EPSILON.sqrt()),
             patience: self.patience,
             restarts: self.restarts,
             fallback: self.fallback,

@@ -29,7 +29,8 @@ use crate::error::{Error, Result};
 use crate::linalg::dense::{asymmetry, is_finite, is_zero, symmetrised};
 use crate::linalg::quadratic::Quadratic;
 use crate::tolerances::matrices::ASYMMETRY;
-use crate::tolerances::modes::{ENTRY_ROUNDING, INDEFINITE};
+use crate::tolerances::matrices::ENTRY_ROUNDING;
+use crate::tolerances::modes::INDEFINITE;
 
 /// Dense matrices, n x n. Absent ones are None, so that what is absent costs nothing.
 #[derive(Debug, Clone)]

@@ -14,7 +14,7 @@ use crate::linalg::sparse::{Csc, Factor, Lu};
 use crate::run::{Cancel, Counts};
 use crate::tolerances::matrices::STIFFNESS_PIVOT;
 use crate::tolerances::modes::PATIENCE;
-use crate::tolerances::sparse_modes::{ENTRY_NOISE, INSIDE, RIGID_PAIR, SAME_VALUE};
+use crate::tolerances::sparse_modes::{ENTRY_NOISE, RIGID_PAIR, SAME_VALUE};
 
 pub struct DampedModes {
     /// the roots with Im s >= 0 nearest to the shift, ascending in |s|; a rigid motion counts once, as 0, each other real root
@@ -320,8 +320,8 @@ fn merge_rigid(system: &Damped, s: Vec<c64>, shape: Mat<c64>, sigma: f64) -> (Ve
                 x -= faer::Scale(along) * r;
             }
             let norm = product(&x, &x).sqrt();
-            // shapes of a double root are right to about the root of the precision only
-            if norm > INSIDE {
+            // shapes of a double root are off by about what the root is off; others are of the order of one
+            if norm > RIGID_PAIR.sqrt() {
                 x *= faer::Scale(1.0 / norm);
                 rigid.push(x);
             }

@@ -10,9 +10,9 @@ use crate::linalg::dense::cholesky;
 use crate::linalg::krylov::{Operator, Options, Ritz, Space};
 use crate::linalg::sparse::Csc;
 use crate::run::{Cancel, Counts};
-use crate::tolerances::modes::{BISECTIONS, DATA_ROUNDING, PATIENCE, SEMIDEFINITE};
+use crate::tolerances::modes::{BISECTIONS, DATA_ROUNDING, PATIENCE, SEMIDEFINITE, SHARP};
 use crate::tolerances::sparse_modes::{
-    COUNT_MARGIN, ELASTIC, ENTRY_NOISE, FIRST_SHIFT, GAP, RESOLVED, RIGID, SAME_VALUE, VANISHED,
+    COUNT_MARGIN, ELASTIC, ENTRY_NOISE, FIRST_SHIFT, GAP, RIGID, SAME_VALUE, VANISHED,
 };
 
 /// Largest system of which the whole operator is formed where nearly all modes are wanted.
@@ -154,7 +154,7 @@ fn small(
         let elastic = m.lambda.iter().zip(&m.error).filter(|(lambda, _)| **lambda != 0.0);
         elastic.map(|(_, error)| *error).fold(0.0, f64::max)
     };
-    let poor = given.is_none() && shift != coarse && found.as_ref().map_or(true, |m| error(m) > RESOLVED);
+    let poor = given.is_none() && shift != coarse && found.as_ref().map_or(true, |m| error(m) > SHARP);
     if poor {
         let again = solved(&pencil.shifted(coarse)?, coarse)?;
         found = match (found, again) {
@@ -384,7 +384,7 @@ fn finish(
         // shapes are rounded, and with them the stretch of what they should not stretch
         let of_shape = f64::EPSILON.powi(2) * pencil.scale();
         error[k] = (data + rows + of_shape) / lambda[k].abs() + from_vector + of_sum;
-        if lambda[k] > 0.0 && lambda[k] < ELASTIC * sigma.abs() && (!exact || from_vector > RESOLVED) {
+        if lambda[k] > 0.0 && lambda[k] < ELASTIC * sigma.abs() && (!exact || from_vector > SHARP) {
             softest = softest.min(lambda[k]);
         }
     }

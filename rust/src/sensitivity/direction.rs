@@ -25,7 +25,7 @@ use crate::multibody::placement::{Placement, advance, lifted_q, place};
 use crate::run::{Cancel, Counts};
 use crate::sensitivity::local_direction::local_direction;
 use crate::spatial::Pose;
-use crate::tolerances::constraints::{CLOSED_ROUNDING, REDUNDANT_OPEN};
+use crate::tolerances::constraints::{POSE_ROUNDING, REDUNDANT_OPEN};
 use crate::tolerances::equilibrium::FAMILY;
 
 /// The derivative of a linearisation along one direction of the numbers (and of the state).
@@ -279,7 +279,7 @@ impl DualScene {
         let markers = self.geometry.joints.iter().flat_map(|pair| [&pair.a, &pair.b]);
         let moved = self.placement.pose.iter().chain(markers).map(size).fold(0.0, f64::max);
         let far = self.placement.pose.iter().map(|pose| pose.p.map(|v| v.re).norm()).fold(0.0, f64::max);
-        let rounding = CLOSED_ROUNDING * f64::EPSILON * (1.0 + far / system.length);
+        let rounding = POSE_ROUNDING * f64::EPSILON * (1.0 + far / system.length);
         (REDUNDANT_OPEN * system.tolerance + rounding) * moved
     }
 

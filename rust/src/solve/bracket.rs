@@ -23,6 +23,10 @@ impl<X> Bracket<X> {
         (self.across.0 - self.last.0).abs()
     }
 
+    pub fn middle(&self) -> f64 {
+        self.last.0 + 0.5 * (self.across.0 - self.last.0)
+    }
+
     /// The next place to try, no nearer to an end than `apart`.
     pub fn next(&self, apart: f64) -> f64 {
         let (x, f) = (self.last.0, self.last.1);
@@ -41,7 +45,7 @@ impl<X> Bracket<X> {
             }
         };
         let least = (apart / self.width()).min(0.5);
-        x + (x2 - x) * if t.is_nan() { 0.5 } else { t.clamp(least, 1.0 - least) }
+        x + (x2 - x) * if t.is_finite() { t.clamp(least, 1.0 - least) } else { 0.5 }
     }
 
     /// Takes a place between the ends in.

@@ -227,6 +227,7 @@ fn growth(iterations: usize, turn: f64) -> f64 {
 mod tests {
     use super::*;
     use crate::solve::Linearisation;
+    use crate::solve::segment::Jump;
 
     /// The circle y^2 + p^2 = 1, and the pitchfork y (p - y^2) = 0.
     struct Plane(fn(f64, f64) -> [f64; 3]);
@@ -323,6 +324,22 @@ mod tests {
             assert!(off(order) < rounding, "{order}: {} of {rounding}", off(order));
             assert!(off(order + 1) > 1e-3, "{order}: {}", off(order + 1));
         }
+    }
+
+    /// A line on which no equation has a value within a gap, of which a jump within the gap is known by its sides alone.
+    #[test]
+    fn the_sides_of_a_gap_are_one_branch_where_it_is_narrower_than_a_thousandth() {
+        let torn = |mut curve: Plane| {
+            let options = Options { first_step: 0.1, ..options(Predictor::Tangent, Corrector::PseudoArclength) };
+            let mut branch = Branch::start(&mut curve, &[0.0], 0.0, &[0.0, 1.0], options).unwrap().unwrap();
+            assert_eq!(branch.advance(&mut curve, &Cancel::default()).unwrap(), Advance::Moved);
+            let segment = branch.segment().unwrap();
+            let before = |_: &mut Plane, p: &Point, _: &Linearisation| Ok(p.p() < 0.05);
+            let found = segment.jump(&mut curve, &mut branch.work, &Cancel::default(), before).unwrap();
+            matches!(found, Jump::Torn)
+        };
+        assert!(torn(Plane(|y, p| [y - 0.3 * p + if (p - 0.05).abs() < 5e-4 { f64::NAN } else { 0.0 }, 1.0, -0.3])));
+        assert!(!torn(Plane(|y, p| [y - 0.3 * p + if (p - 0.05).abs() < 5e-6 { f64::NAN } else { 0.0 }, 1.0, -0.3])));
     }
 
     #[test]

@@ -4,7 +4,6 @@ use faer::prelude::*;
 
 use super::{Curve, Linearisation, nan_or_largest};
 use crate::error::Result;
-use crate::tolerances::roots::STEP_ROUNDING;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Predictor {
@@ -217,7 +216,7 @@ pub(super) fn correct(
         }
         turning.iter_mut().enumerate().for_each(|(i, t)| *t = work.rhs[(i, 1)] / length);
         // rounding of the equations may keep the step above the tolerance, where it no longer gets smaller
-        let stuck = iterations > 3 && size <= STEP_ROUNDING && size > 0.1 * last;
+        let stuck = iterations > 3 && size <= f64::EPSILON.sqrt() && size > 0.1 * last;
         if size <= options.tolerance || stuck {
             for i in 0..=n {
                 z[i] = x[i] * scale[i];

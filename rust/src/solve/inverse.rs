@@ -8,7 +8,6 @@ use super::limited_memory::Pairs;
 use super::line_search::{dot, norm2};
 use crate::linalg::dense::is_finite;
 use crate::linalg::sparse::Factor;
-use crate::tolerances::roots::REGULARISED;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Family {
@@ -88,7 +87,7 @@ impl Inverse {
         let svd = jacobian.svd().ok()?;
         let (u, v) = (svd.U(), svd.V());
         let sigma: Vec<f64> = (0..n).map(|i| svd.S().column_vector()[i]).collect();
-        let mu = REGULARISED * sigma.first().copied().filter(|s| *s > 0.0)?;
+        let mu = f64::EPSILON.sqrt() * sigma.first().copied().filter(|s| *s > 0.0)?;
         let scaled = Mat::from_fn(n, n, |i, j| v[(i, j)] * sigma[j] / (sigma[j] * sigma[j] + mu * mu));
         Some(Inverse::dense(&(scaled * u.transpose())))
     }

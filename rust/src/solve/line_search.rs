@@ -5,6 +5,7 @@
 //! so d need not be a descent direction, and for small lambda the test always passes.
 use super::Residual;
 use crate::error::Result;
+use crate::tolerances::roots::DESCENT;
 
 #[derive(Debug, Clone, Copy)]
 pub struct Rule {
@@ -20,7 +21,7 @@ pub struct Rule {
 
 impl Default for Rule {
     fn default() -> Rule {
-        Rule { rho: 0.9, sigma1: 1e-3, sigma2: 1e-3, beta: 0.5, max_backtracks: 60, invariant: true }
+        Rule { rho: 0.9, sigma1: DESCENT, sigma2: DESCENT, beta: 0.5, max_backtracks: 60, invariant: true }
     }
 }
 

@@ -6,7 +6,6 @@ use faer::prelude::*;
 use super::{Curve, Linearisation, nan_or_largest};
 use crate::error::Result;
 use crate::run::Cancel;
-use crate::tolerances::roots::{LEAST_DAMPING, STEP_ROUNDING};
 
 #[derive(Debug, Clone, Copy)]
 pub struct Options {
@@ -71,8 +70,9 @@ pub fn solve(
                 }
             }
             damping *= 0.5;
-            if damping < LEAST_DAMPING {
-                if step_size <= STEP_ROUNDING && curve.row_excess(y, parameter, options.tolerance)? <= 1.0 {
+            if damping < f64::EPSILON.sqrt() {
+                // what an ill-conditioned Jacobian may keep above the tolerance
+                if step_size <= f64::EPSILON.sqrt() && curve.row_excess(y, parameter, options.tolerance)? <= 1.0 {
                     return Ok(Outcome { converged: true, iterations, step: step_size, reason: "rounding" });
                 }
                 return Ok(gave_up(iterations, step_size, "no step reduces the residual"));

@@ -4,7 +4,7 @@ use super::corrector::{Corrector, Options, Point, Target, Workspace, correct, sc
 use super::{Curve, Linearisation};
 use crate::error::Result;
 use crate::run::Cancel;
-use crate::tolerances::roots::{BRACKET, EVENT_SOLVED, NARROW, NARROWED, TORN};
+use crate::tolerances::roots::{EVENT_SOLVED, NARROW, NARROWED};
 
 /// The branch between two points, parametrised by the distance s along the tangent of the first. Every trial is corrected onto the
 /// branch, so that what comes back is a solution as well.
@@ -101,7 +101,7 @@ impl Segment {
         mut f: impl FnMut(&mut C, &Point, &Linearisation) -> Result<(f64, T)>,
     ) -> Result<Option<(Point, T)>> {
         let mut bracket = Bracket::new((0.0, ends.0, self.centre.clone()), (self.length, ends.1, self.far.clone()));
-        let apart = 0.5 * BRACKET * self.length();
+        let apart = 0.5 * EVENT_SOLVED * self.length();
         let mut best: Option<(f64, Point, T)> = None;
         for _ in 0..MOST_TRIALS {
             cancel.check()?;
@@ -119,7 +119,7 @@ impl Segment {
             if best.as_ref().is_none_or(|(least, ..)| value.abs() <= *least) {
                 best = Some((value.abs(), point, there));
             }
-            if bracket.width() <= 2.0 * apart || value.abs() <= BRACKET * ends.0.abs().max(ends.1.abs()) {
+            if bracket.width() <= 2.0 * apart || value.abs() <= EVENT_SOLVED * ends.0.abs().max(ends.1.abs()) {
                 break;
             }
         }
@@ -152,9 +152,9 @@ impl Segment {
             }
         }
         let gap = low.2.iter().zip(&high.2).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt();
-        // on one branch the two sides approach each other as s does
+        // on one branch the two sides approach each other as s does, but for what is left of solutions where a row is singular
         let narrowed = (high.0 - low.0).abs() < NARROWED * self.length.abs();
-        if !narrowed || gap > 10.0 * (high.0 - low.0).abs() + TORN {
+        if !narrowed || gap > 10.0 * (high.0 - low.0).abs() + EVENT_SOLVED.sqrt() {
             return Ok(Jump::Torn);
         }
         let width = (high.0 - low.0).abs() / self.length.abs();

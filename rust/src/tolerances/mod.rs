@@ -15,11 +15,6 @@ pub mod steps;
 
 /// Rank, redundancy and closure of constraints.
 pub mod constraints {
-    /// Rounding of one entry of a constraint row, in units of the sizes of what was subtracted for it, over eps. Larger: a model far from
-    /// the origin has doubtful loops. Smaller: rows of rounding lock a door on two hinges. Pinned by
-    /// `test_a_door_far_from_the_origin_is_no_doubtful_one`, from below, and
-    /// `test_a_door_far_from_the_origin_is_locked_by_hinges_that_are_off`, from above.
-    pub const ENTRY_ROUNDING: f64 = 4.0;
 
     /// Singular values between the tolerance and this many times it make a constraint that is named as doubtful.
     /// Larger: sound models are called doubtful. Smaller: a lock by an inaccurate drawing is not explained.
@@ -51,14 +46,21 @@ pub mod constraints {
     /// rank rises beside them are named by their second order as well.
     pub const PROBE: f64 = 1e-2;
 
-    /// What a closing that does not go on may leave, over the length of a loop or in radians, and what poses and levers in loops carry of
-    /// it. Larger: rates and energies drift by openings, and weak levers in loops are lost. Smaller: models far from the origin do not
-    /// close, and a coordinate that no element strains counts as held.
-    pub const CLOSED_ENOUGH: f64 = 1e-10;
+    /// Rounding of poses behind some joints: of an entry of a strain row in units of eps times the size of its terms, beside one for each
+    /// body, and of a closed row in units of the rounding of its entries. Too small: a coordinate that no element strains counts as held,
+    /// and Newton's method circles in rounding. Too large: weak levers are lost, and loops stay open by more than rounding. Pinned by
+    /// `test_a_lever_of_some_hundred_last_digits_is_one`, from above. Not seen from below: hinges beside springs on their axes stay free,
+    /// since the rank of equilibrated rows has a bound of its own.
+    pub const POSE_ROUNDING: f64 = 32.0;
 
-    /// Rows are closed when smaller than this many times the rounding of their entries. Larger: loops stay open by more than rounding.
-    /// Smaller: Newton's method circles in rounding.
-    pub const CLOSED_ROUNDING: f64 = 1e2;
+    /// What rounding may leave of poses where something amplifies it, in lengths of a loop, characteristic lengths or radians: a closing
+    /// that does not go on, levers in loops, turned rates within a step, local errors near singular poses, and corrections over the motion
+    /// within a step that matrices of the step itself do not shrink. Larger: rates and energies drift by openings, weak levers in loops are
+    /// lost, a branch is lost in slow motion, and steps are called solved that are not. Smaller: models far from the origin do not close, a
+    /// coordinate that no element strains counts as held, and steps at rest or near singular poses are repeated without end. Pinned by
+    /// `test_right_or_stopped_with_the_pose`, from below. Not seen from above: loops, levers and motions of tests close to rounding,
+    /// whatever they may leave.
+    pub const CLOSED_ENOUGH: f64 = 1e-10;
 
     /// Singular values of a least-squares problem below this part of the largest belong to directions that no row feels.
     /// Larger: weak directions are left out. Smaller: rounding of states of self-stress is divided by. Entries are free of units.
@@ -97,12 +99,6 @@ pub mod equilibrium {
     /// tests/linear/test_equilibrium_estimate.py (converged is a claim about the residual).
     pub const PUSHED: f64 = 1e-9;
 
-    /// Rounding of a force or of an entry of the stiffness, in units of the sizes of what was added up for it and of the distance from the
-    /// origin, over eps. Larger: the search ends early. Smaller: models far from the origin have no equilibrium. Pinned by
-    /// tests/linear/test_equilibrium_estimate.py, from below. Not seen from above: a search that ends early makes one last step, which
-    /// leaves the square.
-    pub const ENTRY_ROUNDING: f64 = 4.0;
-
     /// Force that velocity rows which steer carry, over the size of the forces in its island, from which on a place is one of a family.
     /// Larger: the place of a family is followed. Smaller: the accuracy of an equilibrium refuses its derivatives. Pinned by
     /// `test_an_edge_that_carries_rounding_makes_no_family`.
@@ -129,9 +125,6 @@ pub mod equilibrium {
     pub const BALANCED: f64 = 1e-14;
     /// See `BALANCED`. Pinned by `test_a_rod_drawn_level_falls_and_hangs`, from above. Not seen from below: a step more is made.
     pub const NEARLY_BALANCED: f64 = 1e-11;
-    /// See `BALANCED`; also the shortest step of a descent, where larger gives narrow valleys up. Not seen: one last step leaves the
-    /// square, and equilibria of tests are found either way.
-    pub const SMALL_STEP: f64 = 1e-9;
 
     /// Newton's step, in characteristic lengths or radians, from which on a slow search may descend in energy instead. Larger: loads
     /// without a potential and energies of rounding are descended in. Smaller: Newton's method goes to and fro. Not seen: equilibria of
@@ -155,12 +148,6 @@ pub mod linearisation {
     /// and by `test_a_soft_spring_of_a_fast_shaft_is_kept`, from above.
     pub const CANCELLED: f64 = 1e-14;
 
-    /// Multiple of eps times the size of its terms below which an entry of a strain row is rounding of poses and axes, beside one for each
-    /// body. Too small: a coordinate that no element strains counts as held. Too large: weak levers are lost. Pinned by
-    /// `test_a_lever_of_some_hundred_last_digits_is_one`, from above. Not seen from below: hinges beside springs on their axes stay free,
-    /// since the rank of equilibrated rows has a bound of its own.
-    pub const POSE_ROUNDING: f64 = 32.0;
-
     /// An unbalanced force above this part of all forces makes a linearisation at rest questionable, and is told. Larger: matrices of a
     /// state that does not last pass without a word. Smaller: models in balance but for the digits of their drawing are warned of.
     /// Pinned by `test_a_millionth_of_the_forces_may_be_out_of_balance`.
@@ -179,10 +166,6 @@ pub mod linearisation {
 
 /// Motion in time.
 pub mod motion {
-    /// Rounding of the force of a slider that moves on, in units of eps times the sum of its absolute terms: within it the sign of the rate
-    /// tells whether it slips. Free of units. Too large: sliders that stick close to their limit slip; too small: the last bit decides.
-    /// Pinned by `the_rate_decides_at_the_limit` of `force::jenkins`.
-    pub const SLIDER_ROUNDING: f64 = 4.0;
 
     /// Part of a diagonal entry of M that the recursion over a tree must leave of it, or M is singular to rounding there and the dense
     /// route decides. Free of units. Larger: trees with heavy tips take the slow route. Smaller: accelerations of coordinates that
@@ -198,16 +181,6 @@ pub mod motion {
     /// would converge are repeated. Seen by tests/motion/test_radau.py, not scanned.
     pub const NEWTON_ITERATIONS: usize = 12;
 
-    /// Corrections that matrices of the step itself do not shrink are rounding below this part of the motion within the step. Larger: steps
-    /// are called solved that are not. Smaller: steps at the limit of rounding are repeated without end. Used by
-    /// tests/motion/test_motion_hard.py. Not seen: these tests pass either way.
-    pub const CORRECTION_ROUNDING: f64 = 1e-10;
-
-    /// Motions within a step below this, characteristic lengths or radians, are solved as if they were of this size: at rest there is
-    /// nothing but rounding to be relative to. Larger: slow motions are solved loosely. Smaller: rest is solved to rounding of rounding.
-    /// Used by tests/motion/test_motion_hard.py. Not seen: these tests pass either way.
-    pub const LEAST_MOTION: f64 = 1e-6;
-
     /// A spline is quiet where its curvature is below this part of the largest. Larger: steps are held short where little happens. Smaller:
     /// a long step passes what comes after a stretch that is at rest but for rounding. Pinned by
     /// `a_spline_wakes_behind_a_stretch_that_bends_by_less_than_a_thousandth`.
@@ -222,8 +195,8 @@ pub mod motion {
 pub mod rolling {
     /// Straight rolling: B''' and the third power of E, over the speed (lengths over the characteristic length) to the same power, and
     /// forces along the path over their terms and over the sum of all forces. Larger: motion on slow curves is linearised as if straight,
-    /// and weak forces along the path pass unseen; smaller: rounding of a drawn model refuses it. Used by `test_a_trailer_is_refused` and
-    /// the bicycle of tests/truth/test_rolling.py. Not seen: these tests pass either way.
+    /// and weak forces along the path pass unseen; smaller: rounding of a drawn model refuses it. Pinned by
+    /// `test_a_path_that_bends_by_a_hundred_millionth_is_a_curve`.
     pub const ROLLS_STEADILY: f64 = 1e-9;
 
     /// Force that a displacement along the path of rolling makes, over the terms that it is made of, which counts as none where such
@@ -243,8 +216,9 @@ pub mod rolling {
 /// Air forces on the sections of blades.
 pub mod aero {
     /// Smallest inflow angle (rad) of an annulus through which the wind still blows. Too large: heavily loaded annuli reverse too early;
-    /// too small: a hovering rotor in a breath of wind is taken for a windmill that blocks it. Used by
-    /// `a_hovering_rotor_is_an_actuator_disc`.
+    /// too small: a hovering rotor in a breath of wind is taken for a windmill that blocks it. Pinned by
+    /// `a_breath_of_wind_makes_no_windmill_of_a_hovering_rotor`, from below. Not seen from above: it takes inflow angles below 1e-4, a
+    /// thousandth of those of rotors.
     pub const SMALLEST_INFLOW: f64 = 1e-6;
 
     /// k = a / (1 - a) at the axial induction a = 0.4 above which Buhl's parabola, which meets momentum theory there, replaces it. Larger:

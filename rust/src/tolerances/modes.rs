@@ -16,12 +16,6 @@ pub const SHARP: f64 = 1e-12;
 /// `test_damping_between_modes_counts_by_its_square_over_their_distance`.
 pub const UNCOUPLED: f64 = 1e-13;
 
-/// Multiple of the last place of a diagonal entry (in units of the masses) up to which an entry that no semidefinite matrix can have is
-/// rounding. Too small: rigid directions get roots of rounding. Too large: weak negative coupling of unheld directions is lost. Pinned by
-/// tests/truth/test_damped_modes.py (rounding beside damping), from below, and
-/// `test_a_weak_coupling_of_what_nothing_holds_lets_it_diverge`.
-pub const ENTRY_ROUNDING: f64 = 4.0;
-
 /// Product of backward error and normwise condition above which a root of the general route is checked by Newton's method with residuals in
 /// twice the precision. What stays unchecked is off by about the square of this. Too small: every root costs a factorisation. Too large:
 /// small roots of graded systems are wrong unseen. Pinned by `roots_whose_vectors_may_be_wrong_by_a_millionth_are_doubtful`.

@@ -1,13 +1,9 @@
 //! Periodic motions: dynamic stiffness, residuals, events.
 
-/// A coordinate counts at least as if it held this part of the largest root of an energy. Larger: steps of what is small beside the rest
-/// are not measured. Smaller: what vanishes by symmetry measures steps by rounding. Not seen: responses in any units are the same either
-/// way.
-pub const LEAST_SCALE: f64 = 1e-6;
-
 /// Part of the natural size of an entry of the condensed dynamic stiffness that rounding of a factorisation may change, by its bound,
 /// before the entry is refined. Free of units. Too large: curves of finely divided structures carry the rounding; too small: refinements
-/// that change nothing. Used by tests/nonlinear/test_hbm_rounding.py. Not seen: these tests pass either way.
+/// that change nothing. Pinned by `test_rounding_of_a_divided_beam_leaves_six_digits`, from above. Not seen from below: beams of tests gain
+/// the eighth digit at most.
 pub const FELT: f64 = 1e-6;
 
 /// Time of a complex product in lanes, eight frequencies at once, over that of one in a sparse factor. Free of units. Larger: narrow bands
@@ -20,19 +16,11 @@ pub const LANE_PRODUCT: f64 = 2.0;
 /// `narrow_bands_are_condensed_in_lanes`, from above. Not seen from below: only speed depends on it.
 pub const MOST_LANES: f64 = 2e5;
 
-/// Correction of an entry by a residual, relative to its natural size, after which the next correction, about its square, would not count.
-/// Free of units. Too large: S keeps a visible error; too small: structures are refused that are known well enough. Used by
-/// tests/nonlinear/test_hbm_rounding.py. Not seen: these tests pass either way.
-pub const SETTLED: f64 = 1e-7;
-
-/// An entry of the condensed dynamic stiffness below this part of its rounding in plain arithmetic is zero: what is left of it after
-/// refinement is rounding of the refinement. Free of units. Too large: small entries are not refined; too small: structures that are free
-/// at rest are refused. Used by tests/truth/test_frequency_blocks.py. Not seen: these tests pass either way.
-pub const ABSENT: f64 = 1e-10;
-
-/// Rounding of a residual in units of eps times the sum of the absolute terms of its row. Free of units. Too large: residuals that are not
-/// rounding pass; too small: points that are as good as the arithmetic allows are refused. Used by tests/truth/test_frequency_blocks.py.
-/// Not seen: these tests pass either way.
+/// Rounding of a row of equations, in units of eps times the sum of its absolute terms; of a law's state after a period, in units of eps
+/// and the number of samples. Free of units. Too large: points and states that solve nothing pass; too small: points that are as good as
+/// the arithmetic allows, and laws that relax fast, are refused. Pinned by `states_are_solved_up_to_their_bound` and
+/// `every_accepted_state_solves_its_equations` of `periodic::periodic_state`, and used by tests/truth/test_frequency_blocks.py and
+/// tests/nonlinear/test_state_laws.py.
 pub const ROW_ROUNDING: f64 = 16.0;
 
 /// Growth rates of perturbations below this fraction of the base frequency count as zero. Free of units. Too large: weak
@@ -41,54 +29,22 @@ pub const ROW_ROUNDING: f64 = 16.0;
 /// Also by `growth_counts_from_its_bound_on`.
 pub const NEUTRAL: f64 = 1e-9;
 
-/// A period that takes less than this part out of a change of a law's state leaves the state free. Free of units. Too large: weakly
-/// dissipating cycles keep the state of their start; too small: rounding of a thousand steps decides. Used by
-/// tests/nonlinear/test_state_laws.py. Not seen: these tests pass either way.
-pub const STATE_FREE: f64 = 1e-11;
-
-/// Rounding of a law's state after a period, over its largest value. Free of units. Too large: states that are not periodic pass; too
-/// small: periods are repeated for nothing. Used by tests/nonlinear/test_state_laws.py. Not seen: these tests pass either way.
-pub const STATE_CLOSED: f64 = 1e-13;
-
-/// Rounding of the equations between two samples of a law's state, in units of eps times the sum of their absolute terms. Free of
-/// units. Too large: states that solve nothing pass; too small: laws that relax fast are refused.
-/// Pinned by `states_are_solved_up_to_their_bound` and `every_accepted_state_solves_its_equations` of `periodic::periodic_state`.
-pub const STATE_ROUNDING: f64 = 16.0;
-
-/// Largest |Re s| over the base frequency of an exponent that crosses the imaginary axis at a point that was solved for. Free of
-/// units. Too large: jumps of the exponents where a contact closes are called bifurcations; too small: bifurcations of stiff systems,
-/// whose exponents have rounding, are lost. Pinned by `where_an_exponent_crosses_tells_the_kind`.
-pub const AXIS: f64 = 1e-6;
-
-/// The same on the unstable side of a border that was bracketed, where two exponents that meet on the axis part like the root of the
-/// distance. Free of units; failures as of `AXIS`. Used by tests/truth/test_hbm_events.py. Not seen: these tests pass either way.
-pub const AXIS_ROOT: f64 = 1e-3;
-
-/// How many times the regularity at a branch point may exceed what a linear decrease to zero leaves at the width of the bracket. Free of
-/// units. Too large: corners, where the determinant jumps through zero, are called branch points; too small: branch points of strongly
-/// curved branches are lost. Used by tests/truth/test_hbm_events.py. Not seen: these tests pass either way.
-pub const BRANCHING: f64 = 1e3;
+/// Accuracy of exponents, over the base frequency: |Re s| of one that crosses the imaginary axis at a point that was solved for (on the
+/// unstable side of a border that was bracketed, where two exponents part like the root of the distance, the root of it); the sum of all
+/// beside the trace; the distance from |Im s| = omega/2 of one that lies there; multipliers of the monodromy matrix beside those of Hill's
+/// problem, whose place it takes. Free of units. Too large: jumps of the exponents where a contact closes are called bifurcations, and
+/// wrong or lost exponents pass; too small: bifurcations of stiff systems, whose exponents have rounding, are lost, and Hill's problem is
+/// solved at each point. Pinned by `where_an_exponent_crosses_tells_the_kind`.
+pub const EXPONENT: f64 = 1e-6;
 
 /// Steps of the finest integration over which a contact must last to be seen by the stability of a motion. A count. Too large:
 /// the stability of short contacts is not told; too small: it is told wrongly. Pinned by tests/truth/test_hbm_events.py.
 pub const CONTACT_STEPS: usize = 8;
 
 /// Part of the range of an element's stiffness over the period by which it jumps where a contact opens or closes. Free of units. Too large:
-/// partial contacts are missed; too small: smooth laws that bend fast count as contacts. Used by tests/truth/test_hbm_events.py. Not seen:
-/// these tests pass either way.
+/// partial contacts are missed; too small: smooth laws that bend fast count as contacts. Not seen: all tests of harmonic balance pass
+/// without the check, at a hundred times it, and those of contacts and of stability at a hundredth.
 pub const CONTACT_JUMP: f64 = 0.1;
-
-/// Entries of a condensed system, relative change of a solution, that end its refinement. Free of units. Too large: digits are given away;
-/// too small: refinements that change nothing. Not seen: condensed systems of tests are the same either way.
-pub const REFINED: f64 = 1e-12;
-
-/// Step of the differences along a branch by which condensed coordinates move, relative to its length. Too large: their truncation, of
-/// fourth order, shows; too small: rounding shows. Both move a peak by their square. Not seen: peaks are the same to the digits of tests.
-pub const ALONG_BRANCH: f64 = 1e-5;
-
-/// Two crossings of a conjugate pair lie within this part of a segment. Free of units. Too large: two bifurcations are told as one; too
-/// small: one is told twice. Not seen: events of tests are the same either way.
-pub const SAME_CROSSING: f64 = 1e-6;
 
 /// Difference of |Im s| of two exponents over their sum up to which they are one pair. Free of units. Too large: a real exponent that
 /// crosses beside a pair is taken for it; too small: a pair whose frequency drifts between two points is not known again. Pinned by
@@ -111,42 +67,20 @@ pub const STEEPER: f64 = 2.0;
 /// Pinned by `where_an_exponent_crosses_tells_the_kind`.
 pub const RESONANT: f64 = 1e-4;
 
-/// First and least step of the search for the start of a branch and for a peak, over the scale of the unknowns. Free of units. A larger
-/// first step is repeated, a smaller one grows; a larger least step gives up early, a smaller one late. Not seen: branches of tests begin,
-/// and peaks are found, either way.
+/// First step of the search for the start of a branch and for a peak, over the scale of the unknowns. Free of units. A larger one is
+/// repeated, a smaller one grows. Not seen: only work depends on it.
 pub const FIRST_STEP: f64 = 1e-3;
-/// See `FIRST_STEP`. Not seen: branches of tests begin, and peaks are found, either way.
-pub const LEAST_STEP: f64 = 1e-10;
 
-/// Residual over the sum of its terms to which the points of a search for a peak are solved. Free of units. Too large: the peak is less
-/// accurate than the curve; too small: rounding refuses it. Not seen: peaks are the same to the digits of tests.
-pub const PEAK_SOLVED: f64 = 1e-11;
-
-/// Expected error of the extrapolated monodromy matrix, relative to its size, that ends the doubling of steps. Free of units. Too large:
-/// multipliers of weakly damped motions have visible errors; too small: steps are doubled down to rounding. Not seen: each doubling of
-/// steps gains several digits; exponents of a chain with a stop change by 1e-12 at most.
+/// Expected error of the extrapolated monodromy matrix, relative to its size, that ends the doubling of steps; changes above the root of it
+/// do not tell yet how fast the next ones will shrink. Free of units. Too large: multipliers of weakly damped motions have visible errors;
+/// too small: steps are doubled down to rounding. Not seen: each doubling of steps gains several digits; exponents of a chain with a stop
+/// change by 1e-12 at most.
 pub const MONODROMY: f64 = 1e-10;
 
-/// Changes of the monodromy matrix larger than this do not tell yet how fast the next ones will shrink. Free of units. Too large: an error
-/// is expected that is too small; too small: one doubling more. Not seen: exponents of a chain with a stop are the same bit by bit.
-pub const SHRINKING: f64 = 1e-5;
-
-/// Largest difference between the sum of the exponents and the trace, relative to the base frequency, that passes. Free of units. Too
-/// large: lost exponents pass; too small: rounding refuses the stability. Not seen: exponents of tests are the same either way.
-pub const TRACE: f64 = 1e-6;
-
 /// Largest relative difference of dynamic stiffness between a system and the reduced model that tells its stability. Free of units. Too
-/// large: stability is told of another system; too small: it is computed from the full system, which takes longer. Not scanned.
+/// large: stability is told of another system; too small: it is computed from the full system, which takes longer. Pinned by
+/// `test_a_reduced_model_whose_stiffness_is_off_by_a_thousandth_tells_nothing`.
 pub const REDUCED_MODEL: f64 = 1e-3;
-
-/// Exponents nearer than this (relative to the base frequency) to |Im s| = omega/2 lie there. Free of units. Too large: exponents beside
-/// the edge are told twice; too small: rounding takes one of the two away. Not seen: exponents of tests are the same either way.
-pub const EDGE: f64 = 1e-7;
-
-/// Largest difference of multipliers at which the monodromy matrix may take the place of Hill's problem along a branch. Free of units. Too
-/// large: a worse matrix tells the stability; too small: Hill's problem is solved at each point. See `MONODROMY`. Not seen: exponents of
-/// tests are the same either way.
-pub const AGREEMENT: f64 = 1e-7;
 
 /// Multipliers below this part of the norm of the monodromy matrix are rounding of it, and the trace tells their exponents. Free of units.
 /// Too large: fast decays are averaged; too small: they are rounding.

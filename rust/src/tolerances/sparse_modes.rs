@@ -10,19 +10,10 @@ pub const CONVERGED: f64 = 1e-11;
 /// `test_oscillators_of_few_kinds`, from below, and `test_a_stiff_mode_beside_a_constraint_is_a_mode`, from above.
 pub const VANISHED: f64 = 1e-13;
 
-/// The same of a correction of a shape, whose solution is not that accurate, and of the shapes of a double zero of rigid motion, which are
-/// right to about the root of the precision. Larger: shapes stay as inaccurate as they are, and a rigid motion is lost. Smaller: the
-/// subspace grows by noise, and rounding is a rigid motion.
-pub const INSIDE: f64 = 1e-3;
-
 /// Roots within this, over their size, are one: after a restart with new random vectors none was missing, a root and its conjugate are a
 /// real one, no circle passes between them, and a factor at one of them stays this far away. Larger: a missing root passes. Smaller:
 /// restarts for nothing. Pinned by `roots_that_differ_by_more_than_a_hundred_millionth_are_told_apart` and `test_oscillators_of_few_kinds`.
 pub const SAME_VALUE: f64 = 1e-8;
-
-/// Estimated error of an eigenvalue, over it, at which the rounds of widening end. Larger: digits are given away. Smaller: rounds
-/// that change nothing.
-pub const RESOLVED: f64 = 1e-12;
 
 /// First negative shift, over the largest ratio of the diagonals of K and M. It only comes nearer to zero from there. Larger: slower
 /// convergence. Smaller: factors near to a singular matrix. Not seen: no answer depends on it.

@@ -10,10 +10,8 @@ use crate::solve::inverse_bfgs::{Options, Outcome, Start, Status, solve};
 use crate::solve::line_search::Rule;
 
 use super::equations::BdfStep;
-use crate::tolerances::roots::{DETERMINANT, DIFFERENCE};
-use crate::tolerances::steps::{
-    FIXED_SOLVED, FIXED_WITHOUT_TANGENT, FRESH_INVERSE, INCREMENT_ROUNDING, ROW_ROUNDING, SHARE_OF_MOTION,
-};
+use crate::tolerances::matrices::ENTRY_ROUNDING;
+use crate::tolerances::steps::{CLOSED, FIXED_SOLVED, FRESH_INVERSE, SHARE_OF_MOTION};
 
 /// Least cosine between y and s for an update: where BFGS meets a nonsymmetric or indefinite Jacobian, smaller ones ruin H.
 const CURVATURE: f64 = 0.1;
@@ -53,7 +51,7 @@ impl StepSolver {
     /// Without a family inverse BFGS runs until it has failed twice, Broyden's update from there on.
     pub fn new(family: Option<Family>, rtol: Option<f64>) -> Self {
         StepSolver {
-            solved: rtol.map_or(FIXED_WITHOUT_TANGENT, |r| (SHARE_OF_MOTION * r).clamp(ROW_ROUNDING, FIXED_SOLVED)),
+            solved: rtol.map_or(CLOSED, |r| (SHARE_OF_MOTION * r).clamp(row_rounding(), FIXED_SOLVED)),
             family: family.unwrap_or(Family::Bfgs),
             settles: family.is_none(),
             strikes: 0,
@@ -91,7 +89,8 @@ impl StepSolver {
     fn tolerance(&self, step: &BdfStep<'_, '_>) -> f64 {
         let moved = step.moved.iter().zip(&step.sizes.sigma);
         let size = moved.fold(0.0_f64, |a, (v, s)| a.max((v / s).abs()));
-        let floor = if step.sizes.kept.is_empty() { INCREMENT_ROUNDING } else { ROW_ROUNDING };
+        // rounding of increments shows itself, where a fresh inverse gets no lower
+        let floor = if step.sizes.kept.is_empty() { 0.0 } else { row_rounding() };
         (self.solved * size).clamp(floor, FIXED_SOLVED)
     }
 
@@ -107,7 +106,7 @@ impl StepSolver {
         let mut last = f64::INFINITY;
         for attempt in 0..3 {
             if attempt > 0 || self.kept.is_none() {
-                self.form_inverse(step, &x, DIFFERENCE)?;
+                self.form_inverse(step, &x, f64::EPSILON.sqrt())?;
             }
             let before = self.family;
             let family = self.family_of(attempt);
@@ -170,10 +169,11 @@ impl StepSolver {
             max_iterations: MAX_ITERATIONS,
             max_evaluations: u64::MAX,
             rule: Rule { max_backtracks: 12, ..Rule::default() },
-            guard: Guard { curvature: CURVATURE, determinant: (DETERMINANT, DETERMINANT.recip()) },
+            // an update that changes the determinant by more leaves no digits
+            guard: Guard { curvature: CURVATURE, determinant: (f64::EPSILON, f64::EPSILON.recip()) },
             start: Start::Identity,
             memory: None,
-            difference: DIFFERENCE,
+            difference: f64::EPSILON.sqrt(),
             left: self.left,
             patience: PATIENCE,
             restarts: 0,
@@ -195,6 +195,10 @@ impl StepSolver {
         }
         Ok(out)
     }
+}
+
+fn row_rounding() -> f64 {
+    ENTRY_ROUNDING * f64::EPSILON
 }
 
 fn lost(t: f64) -> Error {

@@ -29,7 +29,7 @@ use super::kept::Parts;
 use super::radau::{FIVE, Radau};
 use super::{Equations, Instant, LocalError, Motion, Scheme, Step};
 use crate::multibody::rotations::rotation_triples;
-use crate::tolerances::steps::{SAME_LENGTH, SAME_STEP};
+use crate::tolerances::steps::SAME_LENGTH;
 use differences::{Formula, Pair, backward_differences, gamma, stretched};
 use equations::Form;
 use inverse::Inverse;
@@ -363,7 +363,7 @@ impl Scheme for Bdf {
             self.order = 1;
         }
         let k = self.order;
-        if (history.h / h - 1.0).abs() > SAME_STEP {
+        if history.h != h {
             stretched(&mut history.d, k, h / history.h);
             // rates that begin a history have no grid yet
             if let Some(record) = self.record.as_mut().filter(|_| !self.begun) {

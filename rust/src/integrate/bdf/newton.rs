@@ -2,10 +2,11 @@
 use crate::error::{Error, Result};
 use crate::linalg::kkt::Kkt;
 use crate::run::Counts;
-use crate::tolerances::motion::{CORRECTION_ROUNDING, LEAST_MOTION, NEWTON_ITERATIONS, ROTATION_REPETITIONS};
+use crate::tolerances::constraints::CLOSED_ENOUGH;
+use crate::tolerances::motion::{NEWTON_ITERATIONS, ROTATION_REPETITIONS};
 use crate::tolerances::steps::{FIXED_SOLVED, SHARE_OF_TOLERANCE};
 
-use super::super::{Equations, scaled_size};
+use super::super::{Equations, least_motion, scaled_size};
 use super::{Ahead, Corrector, Trial};
 
 /// A kept factorisation serves steps within this part of its own.
@@ -37,7 +38,8 @@ impl Corrector for Newton {
         let scales = eq.scales();
         let size = |v: &[f64]| scaled_size(v, &scales);
         let n = eq.n();
-        let speed = size(&guess.v).max(size(&from.motion.rate)).max(c * size(&from.acceleration)).max(LEAST_MOTION / c);
+        let speed =
+            size(&guess.v).max(size(&from.motion.rate)).max(c * size(&from.acceleration)).max(least_motion() / c);
         let (mut v, mut y, mut lam) = (guess.v.clone(), guess.y.clone(), from.lam.clone());
         if self.kept.as_ref().is_some_and(|(kept, _)| (kept / c - 1.0).abs() > NEAR) {
             self.kept = None;
@@ -85,7 +87,7 @@ impl Corrector for Newton {
             let rate = step / last;
             let near = step <= 0.1 * self.solved
                 || last.is_finite() && rate < 1.0 && step * rate / (1.0 - rate) <= self.solved;
-            if near || last.is_finite() && fresh && rate > 0.3 && step < CORRECTION_ROUNDING {
+            if near || last.is_finite() && fresh && rate > 0.3 && step < CLOSED_ENOUGH {
                 settle(eq, &known, c, &v, &mut y);
                 return Ok(Trial { motion: at(&y, &v), y, lam, unsolved: None });
             }

@@ -2,7 +2,7 @@
 //! three at full step would leave a global order of two.
 use crate::error::{Error, Result};
 use crate::run::Counts;
-use crate::tolerances::steps::{LEAST_START_ERROR, SHORTEST_START, START_ERROR, START_SHARE};
+use crate::tolerances::steps::{FIXED_SOLVED, NOISE_SHARE};
 
 use super::super::explicit8::Explicit8;
 use super::super::{Equations, Instant, LocalError, Motion, Scheme, Step, scaled_size};
@@ -20,7 +20,7 @@ pub struct Start {
 
 impl Start {
     pub fn new(rtol: Option<f64>) -> Self {
-        Start { allowed: rtol.map_or(START_ERROR, |r| (START_SHARE * r).max(LEAST_START_ERROR)), parts: Vec::new() }
+        Start { allowed: rtol.map_or(FIXED_SOLVED, |r| (NOISE_SHARE * r).max(FIXED_SOLVED)), parts: Vec::new() }
     }
 
     /// Whether the last step was made at once.
@@ -64,10 +64,10 @@ impl Start {
                     done = if length < left { done + length } else { h };
                     part = wanted;
                 }
-                Err(error) if length < SHORTEST_START * h => return Err(error),
+                Err(error) if length < f64::EPSILON.sqrt() * h => return Err(error),
                 _ => part = wanted.min(0.5 * length),
             }
-            if self.parts.len() > MOST_PARTS || part < SHORTEST_START * h {
+            if self.parts.len() > MOST_PARTS || part < f64::EPSILON.sqrt() * h {
                 return Err(too_fast(part));
             }
         }

@@ -18,16 +18,16 @@ use nalgebra::DVector;
 
 use crate::error::{Error, Result};
 use crate::run::Counts;
-use crate::tolerances::motion::{CORRECTION_ROUNDING, LEAST_MOTION, NEWTON_ITERATIONS, ROTATION_REPETITIONS, SAFETY};
+use crate::tolerances::constraints::CLOSED_ENOUGH;
+use crate::tolerances::motion::{NEWTON_ITERATIONS, ROTATION_REPETITIONS, SAFETY};
 
 use super::explicit8::RecordedStage;
 use super::interpolate::{inside, quintic};
 use super::kept::Parts;
 use super::methods::STIFF;
-use super::{Equations, Instant, LocalError, Motion, Scheme, Step, scaled_size};
+use super::{Equations, Instant, LocalError, Motion, Scheme, Step, least_motion, scaled_size};
 use crate::tolerances::steps::{
-    AGED, FEW, FIXED_SOLVED, LEVEL, PATIENCE, RECORDED_ITERATIONS, SHARE_OF_TOLERANCE, SLOW, TRUSTED, WIDEST,
-    WORTHWHILE,
+    AGED, FEW, FIXED_SOLVED, LEVEL, PATIENCE, RECORDED_ITERATIONS, SHARE_OF_TOLERANCE, SLOW, WORTHWHILE,
 };
 use linear::{Linear, Stages};
 pub use numbers::{FIVE, NINE, Tableau};
@@ -240,14 +240,15 @@ impl Radau {
         counts: &mut Counts,
     ) -> Result<(Stages, Trial)> {
         let scales = eq.scales();
-        let speed = self.speed.max(h * scaled_size(&from.acceleration, &scales)).max(LEAST_MOTION / h);
+        let speed = self.speed.max(h * scaled_size(&from.acceleration, &scales)).max(least_motion() / h);
         let (mut last, mut fresh) = (f64::INFINITY, false);
         let most = if self.fixed && self.record.is_some() { RECORDED_ITERATIONS } else { NEWTON_ITERATIONS };
         for iteration in 1..=most {
             counts.add("iterations", 1);
             self.iterations = iteration;
             let trial = self.trial(eq, &from.motion, h, &stages.a);
-            if trial.theta.iter().any(|y| eq.widest_rotation(y) >= WIDEST) {
+            // rotation vectors are ambiguous at a whole turn
+            if trial.theta.iter().any(|y| eq.widest_rotation(y) >= std::f64::consts::PI) {
                 break;
             }
             let left = self.remainder(eq, &trial, &stages, counts)?;
@@ -265,15 +266,16 @@ impl Radau {
                 *own += d;
             }
             let step = self.size(h, &change.a, (speed, &scales));
-            let rate = if last.is_finite() { step / last } else { self.contraction.max(TRUSTED) };
+            // a first correction says nothing of how fast they shrink
+            let rate = if last.is_finite() { step / last } else { self.contraction.max(SLOW) };
             let near = step <= 0.1 * self.solved || rate < 1.0 && step * rate / (1.0 - rate) <= self.solved;
-            if last.is_finite() && step > CORRECTION_ROUNDING {
+            if last.is_finite() && step > CLOSED_ENOUGH {
                 self.contraction = rate;
                 if fresh {
                     self.freshest = rate;
                 }
             }
-            if near || last.is_finite() && fresh && rate > 0.3 && step < CORRECTION_ROUNDING {
+            if near || last.is_finite() && fresh && rate > 0.3 && step < CLOSED_ENOUGH {
                 let trial = self.trial(eq, &from.motion, h, &stages.a);
                 return Ok((stages, trial));
             }

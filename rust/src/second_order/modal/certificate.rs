@@ -13,7 +13,8 @@ use crate::linalg::double_double::{Dd, dot, matrix_times};
 use crate::linalg::eigen;
 use crate::run::Counts;
 use crate::second_order::SecondOrder;
-use crate::tolerances::modes::{CANCELLING, CLOSEST, DATA_ROUNDING, ENTRY_ROUNDING, SHARP};
+use crate::tolerances::matrices::ENTRY_ROUNDING;
+use crate::tolerances::modes::{CANCELLING, CLOSEST, DATA_ROUNDING, SHARP};
 
 const PASSES: usize = 4;
 /// Half the distance between 1 and the next number.
