@@ -11,6 +11,7 @@ use crate::solve::line_search::Rule;
 
 use super::equations::BdfStep;
 use crate::tolerances::matrices::ENTRY_ROUNDING;
+use crate::tolerances::roots::DETERMINANT;
 use crate::tolerances::steps::{CLOSED, FIXED_SOLVED, FRESH_INVERSE, SHARE_OF_MOTION};
 
 /// Least cosine between y and s for an update: where BFGS meets a nonsymmetric or indefinite Jacobian, smaller ones ruin H.
@@ -169,8 +170,7 @@ impl StepSolver {
             max_iterations: MAX_ITERATIONS,
             max_evaluations: u64::MAX,
             rule: Rule { max_backtracks: 12, ..Rule::default() },
-            // an update that changes the determinant by more leaves no digits
-            guard: Guard { curvature: CURVATURE, determinant: (f64::EPSILON, f64::EPSILON.recip()) },
+            guard: Guard { curvature: CURVATURE, determinant: (DETERMINANT, DETERMINANT.recip()) },
             start: Start::Identity,
             memory: None,
             difference: f64::EPSILON.sqrt(),
