@@ -20,8 +20,3 @@ pub const NARROW: f64 = 1e-9;
 /// apart pass as one branch. Smaller: jumps beside a singular point are called torn. Pinned by
 /// `the_sides_of_a_gap_are_one_branch_where_it_is_narrower_than_a_thousandth`.
 pub const NARROWED: f64 = 1e-3;
-
-/// How far one update of a step of "bdf-bfgs" may change the determinant of the inverse, this factor and over it. Beyond, the update is left
-/// out. Larger: updates of use are left out. Smaller: one bad update ruins the inverse. Not seen: motions by "bdf-bfgs" are the same either
-/// way.
-pub const DETERMINANT: f64 = 1e-10;
