@@ -25,9 +25,10 @@ pub const ON_GRID: f64 = 1e-6;
 pub const QUADRATIC: f64 = 1e-9;
 
 /// What is solved where there is no tolerance to share, over the motion within the step: the remainder of Newton's method in a fixed step,
-/// and in a controlled one that is kept for its derivatives; also the error of start steps of "bdf-bfgs" (characteristic lengths or
-/// radians). Larger: the remainder shows in measured orders and in derivatives. Smaller: rounding is solved. Pinned by
-/// `test_order_five_at_oblique_axes`, from above, and tests/gradients/test_gradient_radau.py, from below.
+/// and in a controlled one that is kept for its derivatives; the norm of a step of "bdf-bfgs" that passes where a fresh inverse cannot
+/// better it, and the error of its start steps (characteristic lengths or radians). Larger: the remainder shows in measured orders and in
+/// derivatives. Smaller: rounding is solved. Pinned by `test_order_five_at_oblique_axes`, from above, and
+/// tests/gradients/test_gradient_radau.py, from below.
 pub const FIXED_SOLVED: f64 = 1e-12;
 /// Over the tolerance of a controlled step. Larger: the remainder is a part of its error. Smaller: iterations for nothing. Pinned by
 /// `test_a_stiff_governor`, from above, and `test_matrices_are_kept_and_the_explicit_method_has_none`, from below.
@@ -75,10 +76,10 @@ pub const KINK_SEARCH: usize = 60;
 /// adds up to the tolerance. Smaller: evaluations for nothing. Not seen: motions of tests err by less than their tolerance either way.
 pub const SHARE_OF_MOTION: f64 = 1e-5;
 
-/// The norm of the equations of a step of "bdf-bfgs" that passes where a fresh inverse cannot better it. Larger: unsolved steps pass.
-/// Smaller: steps are rejected that cannot be solved better, near singular poses most. Pinned by
-/// `test_a_tolerance_is_that_of_the_whole_motion`, from below.
-pub const FRESH_INVERSE: f64 = 1e-11;
+/// Lower limit of the norm of the equations of a step of "bdf-bfgs", over the root of their number: rounding of constraint rows. Larger: steps
+/// are not solved, and orders and lengths of steps follow what is left. Smaller: rounding is solved, and no run past singular poses is
+/// good enough. Pinned by `test_a_tolerance_is_that_of_the_whole_motion`, from below.
+pub const ROW_ROUNDING: f64 = 1e-15;
 
 /// How much looser a trial run is that shows how much of its local errors lasts. Larger: its error is no longer in proportion. Smaller:
 /// trials cost more than they save. Not seen from above: at tolerances of 1e-3 and 1e-4 `LOOSEST_TRIAL` decides. Not seen from below:

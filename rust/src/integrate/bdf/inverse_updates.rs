@@ -10,8 +10,7 @@ use crate::solve::inverse_bfgs::{Options, Outcome, Start, Status, solve};
 use crate::solve::line_search::Rule;
 
 use super::equations::BdfStep;
-use crate::tolerances::matrices::ENTRY_ROUNDING;
-use crate::tolerances::steps::{CLOSED, FIXED_SOLVED, FRESH_INVERSE, SHARE_OF_MOTION};
+use crate::tolerances::steps::{CLOSED, FIXED_SOLVED, ROW_ROUNDING, SHARE_OF_MOTION};
 
 /// Least cosine between y and s for an update: where BFGS meets a nonsymmetric or indefinite Jacobian, smaller ones ruin H.
 const CURVATURE: f64 = 0.1;
@@ -51,7 +50,7 @@ impl StepSolver {
     /// Without a family inverse BFGS runs until it has failed twice, Broyden's update from there on.
     pub fn new(family: Option<Family>, rtol: Option<f64>) -> Self {
         StepSolver {
-            solved: rtol.map_or(CLOSED, |r| (SHARE_OF_MOTION * r).clamp(row_rounding(), FIXED_SOLVED)),
+            solved: rtol.map_or(CLOSED, |r| (SHARE_OF_MOTION * r).clamp(ROW_ROUNDING, FIXED_SOLVED)),
             family: family.unwrap_or(Family::Bfgs),
             settles: family.is_none(),
             strikes: 0,
@@ -90,7 +89,7 @@ impl StepSolver {
         let moved = step.moved.iter().zip(&step.sizes.sigma);
         let size = moved.fold(0.0_f64, |a, (v, s)| a.max((v / s).abs()));
         // rounding of increments shows itself, where a fresh inverse gets no lower
-        let floor = if step.sizes.kept.is_empty() { 0.0 } else { row_rounding() };
+        let floor = if step.sizes.kept.is_empty() { 0.0 } else { ROW_ROUNDING };
         (self.solved * size).clamp(floor, FIXED_SOLVED)
     }
 
@@ -117,7 +116,7 @@ impl StepSolver {
             last = out.reached;
             // short of the goal only what a fresh inverse could not better either
             let near = f64::max(NEAR * solved, 2.0 * self.floor);
-            if last <= near || attempt == 2 && last <= FRESH_INVERSE * goal {
+            if last <= near || attempt == 2 && last <= FIXED_SOLVED * goal {
                 if attempt == 2 {
                     self.floor = last;
                 }
@@ -195,10 +194,6 @@ impl StepSolver {
         }
         Ok(out)
     }
-}
-
-fn row_rounding() -> f64 {
-    ENTRY_ROUNDING * f64::EPSILON
 }
 
 fn lost(t: f64) -> Error {
