@@ -9,15 +9,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from .. import _core
-from .._lib.border import core_errors
 from .._lib.checks import positive, real_number
 from ..errors import ConvergenceError, ModelError
 from ..motion.options import DEFAULT, require_room
-from ..motion.simulate import simulate, to_be_differentiated
+from ..motion.simulate import to_be_differentiated
 from ..motion.tangent import (
     Kink,
     Run,
     Stretch,
+    differentiated_by,
     grid,
     kink_times,
     least_gap,
@@ -61,7 +61,7 @@ def prepare(
     if step is not None and rtol is not None:
         raise ModelError("give rtol= (steps chosen first) or step= (fixed steps), not both")
     if kind["scheme"] == "auto":
-        kind["scheme"] = _scheme(snapshot, state, without, end, step)
+        kind["scheme"] = differentiated_by(snapshot, state, without, end, step)
     orders: tuple[int, ...] = ()
     kept: _core.KeptMotion | None = None
     smooth: list[Stretch] = []
@@ -96,12 +96,8 @@ def prepare(
             # no step has to move
             run["keep"] = keep
         run |= _as_method(kind)
-        try:
-            traj, made = to_be_differentiated(m, marks, **run)
-            kept, smooth, missed = made.get("kept"), made["smooth"], tuple(made["missed"])
-        except ConvergenceError as stopped:
-            run.pop("keep", None)
-            traj, missed = simulate(m, marks, **run), _stopped(m, stopped)
+        traj, made = to_be_differentiated(m, marks, **run)
+        kept, smooth, missed = made.get("kept"), made["smooth"], tuple(made["missed"])
         if multistep:
             breaks = [*_core.motion_breaks(snapshot.system, state.t), *kink_times(smooth)]
             times, orders = _drawn_to(traj.steps, traj.orders, marks, breaks, slack)
@@ -143,19 +139,6 @@ def _stopped(m: Model, error: ConvergenceError) -> tuple[Kink, ...]:
     traj = error.result
     at = float(traj.t[-1]) if traj is not None and len(traj.t) else 0.0
     return ((at, m.name, "no step ends at a kink of one of its laws"),)
-
-
-def _scheme(snapshot: Snapshot, state: State, without: tuple[str, ...], end: float, step: float | None) -> str:
-    """The scheme that is accurate at the least cost."""
-    fixed = None if step is None else positive("step=", step)
-    with core_errors():
-        explicit = _core.motion_is_explicit(
-            snapshot.system, state.q, state.rate, state.memory.tolist(), list(without), (state.t, end), fixed
-        )
-    if explicit:
-        return "explicit"
-    # fixed steps may go over a vibration, which the one keeps and the other damps; steps by a tolerance are a few of order five
-    return "radau" if step is None else "ali3p"
 
 
 def _with_marks(steps: np.ndarray, marks: np.ndarray, held: Sequence[float]) -> np.ndarray:

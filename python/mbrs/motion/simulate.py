@@ -43,6 +43,7 @@ from .options import (
     with_sensitivities,
     with_served_tolerance,
 )
+from .tangent import differentiated_by
 from .trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -62,6 +63,9 @@ _NOISE_WITHOUT_TANGENT = 1e-9
 _BENT = 0.2
 # outputs at which the error is estimated
 _COMPARED = 50
+
+# for derivatives, steps end at kinks of laws to rounding
+_EXACT = {"exact_kinks": 1.0}
 
 
 @overload
@@ -190,8 +194,8 @@ def simulate(
         in. ``stats.measures`` has the largest residuals of velocities and accelerations before and after their projections (in
         characteristic lengths or radians per s and s^2), ``stats.counts`` the passes.
     parameters
-        Addresses of numbers by which ``traj.sensitivity(...)`` is to differentiate (method "ali3p", which is then the one
-        that "auto" takes, or "generalized-alpha"); ``t`` is a number then.
+        Addresses of numbers by which ``traj.sensitivity(...)`` is to differentiate ("auto" takes "ali3p" then, and
+        "explicit" or "radau" where laws have kinks); ``t`` is a number then.
     loads, x0, v0
         Of a `MechanicalSystem` only. ``{coordinate: load}`` or a list of pairs (direction (n,), load); a load is a number, a motion
         (`mb.Sine`, `mb.Table`, ...) or a function of time. Start values (n,) of the coordinates and their rates at t = 0, zero by
@@ -253,13 +257,13 @@ def simulate(
 def to_be_differentiated(
     m: Model, t: ArrayLike, *, ends: Sequence[float] | None = None, keep: int | None = None, **asked: Any
 ) -> tuple[Trajectory, dict[str, Any]]:
-    """As `simulate`, and the numbers of the core, with steps that end at kinks of laws; fixed ones end at ``ends``.
+    """As `simulate`, and the numbers of the core; steps, fixed ones too, end at kinks of laws to rounding; fixed ones end at ``ends``.
 
     With ``keep`` steps of "radau" or "bdf" by a tolerance are solved to rounding, and kept where they need at most so many numbers and
     are all of the method.
     """
     given = {"ends": ends, "keep": keep}
-    special = {"to_kinks": 1.0} | {name: value for name, value in given.items() if value is not None}
+    special = _EXACT | {name: value for name, value in given.items() if value is not None}
     return _of_model(m, t, special=special, **asked)
 
 
@@ -292,6 +296,9 @@ def _of_model(
     snapshot = Snapshot.of(m, without, absolute)
     state = state_of(m, snapshot.system, at, hold=False, without=without)
     if parameters is not None:
+        if method == "auto" and step is None and isinstance(t, (int, float)) and _has_kinks(snapshot, without):
+            # steps of order two through a stiff contact are countless
+            method = differentiated_by(snapshot, state, without, float(t), None)
         method, coordinates = with_sensitivities(m, parameters, method, coordinates)
     options = motion_options(t, rtol, step, method, state)
     options |= limits(rho, max_step, first_step, max_steps, options["end"] - state.t)
@@ -299,11 +306,14 @@ def _of_model(
     options["method"] = variant(method, form, update, None if absolute else coordinates, order)
     refuse_order_nine(order, parameters)
     refuse_output_times(options, parameters)
+    if parameters is not None and step is None:
+        special = {**_EXACT, **special}
     served = {**with_served_tolerance(options, snapshot), **special}
     made, snapshot, wake = _integrated(m, snapshot, state, without, served, absolute)
     traj = _trajectory(m, snapshot, made, without, time.perf_counter() - start, state, served, wake)
     if parameters is not None:
-        traj = traj.replaced(parameters=parameters, start=state, rho=rho)
+        kinks = {"smooth": made["smooth"], "missed": made["missed"]}
+        traj = traj.replaced(parameters=parameters, start=state, rho=rho, **kinks)
     if m.airs and "aerodynamics" not in without:
         require_covered(m, traj.t, flows(snapshot.system, traj.t, traj.q, traj.rate, traj.memory))
     if traj.status == "interrupted":
@@ -316,6 +326,11 @@ def _of_model(
             traj,
         )
     return traj, made
+
+
+def _has_kinks(snapshot: Snapshot, without: Sequence[str]) -> bool:
+    with core_errors():
+        return _core.motion_has_kinks(snapshot.system, list(without))
 
 
 def _integrated(

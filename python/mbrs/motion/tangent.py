@@ -13,6 +13,7 @@ import numpy as np
 
 from .. import _core
 from .._lib.border import core_errors
+from .._lib.checks import positive
 from .._lib.vetter import Derivative
 from .._lib.warning import warn_user
 from ..errors import KinkWarning, ModelError, NotDifferentiableError
@@ -166,6 +167,21 @@ class Run:
             )
 
 
+def differentiated_by(
+    snapshot: Snapshot, state: State, without: tuple[str, ...], end: float, step: float | None
+) -> str:
+    """The scheme that is accurate at the least cost."""
+    fixed = None if step is None else positive("step=", step)
+    with core_errors():
+        explicit = _core.motion_is_explicit(
+            snapshot.system, state.q, state.rate, state.memory.tolist(), list(without), (state.t, end), fixed
+        )
+    if explicit:
+        return "explicit"
+    # fixed steps may go over a vibration, which the one keeps and the other damps; steps by a tolerance are a few of order five
+    return "radau" if step is None else "ali3p"
+
+
 def kink_times(smooth: Sequence[Stretch]) -> list[float]:
     """Times of the kinks between stretches."""
     return [t for t, _ in smooth[1:]]
@@ -246,7 +262,7 @@ def quantity_derivative(run: Run, parameters: Sequence[str], what: str, t: np.nd
     asked = Names(run.snapshot.tables).address(what)
     require_followed_guess(run, along)
     made = run.direct([asked], along)
-    warn_of(made["kinks"])
+    warn_of((*run.missed, *made["kinks"]))
     at = np.searchsorted(made["t"], t - least_gap(float(t[0]), float(t[-1])))
     values, d = made["values"][at], made["derivatives"][at]
     sizes = np.nan_to_num([value_at(run.model, label) for label in along.labels], nan=1.0)

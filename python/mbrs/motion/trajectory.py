@@ -25,7 +25,7 @@ from .air import AirMotion
 from .air_march import Wakes
 from .energy import Energy
 from .quantities import Names
-from .tangent import RHO, Run, quantity_derivative
+from .tangent import RHO, Kink, Run, Stretch, quantity_derivative
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -91,6 +91,9 @@ class Trajectory(AirMotion, Result):
     rho: float | None = None
     wake: Wakes | None = None
     orders: Sequence[int] = ()
+    # of a motion with parameters by a tolerance: stretches between kinks of laws, and kinks at which no step ended
+    smooth: Sequence[Stretch] = ()
+    missed: Sequence[Kink] = ()
 
     row: ClassVar[str] = "time"
 
@@ -285,6 +288,8 @@ class Trajectory(AirMotion, Result):
             scheme=self.method,
             rho=rho,
             orders=self.orders,
+            smooth=self.smooth,
+            missed=tuple(self.missed),
         )
         return quantity_derivative(run, self.parameters, what, self.t)
 

@@ -1,14 +1,16 @@
 //! A spring in series with a slider: the element of Jenkins.
-use super::law::{At, Class, Law, Scalar, State};
+use super::law::{At, Class, Law, Scalar, Slider, State};
 use crate::tolerances::matrices::ENTRY_ROUNDING;
 
 /// k (u - z) while it does not exceed `slip`; beyond, the slider at z follows. Parameters k, slip.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Jenkins;
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Jenkins {
+    slider: Slider,
+}
 
 impl Law for Jenkins {
     fn with(n: usize) -> Option<Self> {
-        (n == 2).then_some(Jenkins)
+        (n == 2).then(Jenkins::default)
     }
 
     fn n_params(&self) -> usize {
@@ -18,6 +20,18 @@ impl Law for Jenkins {
     fn force<D: Scalar>(&self, at: At<D>, p: &[D], z: &[D], after: &mut [D]) -> D {
         let (k, slip) = (p[0], p[1]);
         let trial = k * (at.u - z[0]);
+        match self.slider {
+            Slider::Free => {}
+            Slider::Sticks => {
+                after[0] = z[0];
+                return trial;
+            }
+            Slider::SlidesUp | Slider::SlidesDown => {
+                let force = if self.slider == Slider::SlidesUp { slip } else { -slip };
+                after[0] = at.u - force / k;
+                return force;
+            }
+        }
         // where a slider has just stopped the force is the limit but for rounding: it slips on if the rate says so
         let size = k.re().abs() * (at.u.re().abs() + z[0].re().abs()) + slip.re().abs();
         let rounding = ENTRY_ROUNDING * f64::EPSILON * size;
@@ -38,6 +52,14 @@ impl Law for Jenkins {
     fn class(&self) -> Class {
         Class::Friction
     }
+
+    fn sliders(&self, p: &[f64]) -> Vec<f64> {
+        vec![p[1] / p[0]]
+    }
+
+    fn sliding(self, sliders: &[Slider]) -> Self {
+        sliders.first().map_or(self, |slider| Jenkins { slider: *slider })
+    }
 }
 
 #[cfg(test)]
@@ -53,7 +75,7 @@ mod tests {
         let z = f64::from_bits((z.to_bits() as i64 + off) as u64);
         let at = At { phase: 0.0, u: Dual64::from(u).derivative(), v: Dual64::from(v) };
         let mut after = [Dual64::from(0.0)];
-        Jenkins.force(at, &[Dual64::from(k), Dual64::from(slip)], &[Dual64::from(z)], &mut after).eps
+        Jenkins::default().force(at, &[Dual64::from(k), Dual64::from(slip)], &[Dual64::from(z)], &mut after).eps
     }
 
     #[test]

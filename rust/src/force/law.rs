@@ -209,4 +209,37 @@ pub trait Law: Copy + Debug {
     fn held(self, _sides: &[Side]) -> Self {
         self
     }
+
+    /// Of a law with sliders, which its states are: how far each of them stays behind u as it slides. Empty where they cannot be held.
+    fn sliders(&self, _p: &[f64]) -> Vec<f64> {
+        Vec::new()
+    }
+
+    /// Its sliders held.
+    fn sliding(self, _sliders: &[Slider]) -> Self {
+        self
+    }
+}
+
+/// How a slider is held.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Slider {
+    /// sticks or slides as the law says
+    #[default]
+    Free,
+    Sticks,
+    SlidesUp,
+    SlidesDown,
+}
+
+impl Slider {
+    /// By the sides of its upper limit, above which it slides up, and of the lower one.
+    pub fn of(upper: Side, lower: Side) -> Self {
+        match (upper, lower) {
+            (Side::Free, _) | (_, Side::Free) => Slider::Free,
+            (Side::Above, _) => Slider::SlidesUp,
+            (_, Side::Below) => Slider::SlidesDown,
+            (Side::Below, Side::Above) => Slider::Sticks,
+        }
+    }
 }

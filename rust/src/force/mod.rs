@@ -43,7 +43,7 @@ mod varying_stiffness;
 use num_dual::Dual;
 
 pub use function::{External, FunctionLaw};
-pub use law::{At, Class, Crossing, Scalar, Side, State, Stored, Surface};
+pub use law::{At, Class, Crossing, Scalar, Side, Slider, State, Stored, Surface};
 
 use crate::error::{Error, Result};
 
@@ -105,6 +105,16 @@ macro_rules! laws {
             /// Held on these sides of its sharp surfaces, in their order.
             pub fn held(self, sides: &[Side]) -> Self {
                 match self { $(AnyLaw::$name(law) => AnyLaw::$name(law.held(sides))),* }
+            }
+
+            /// How far each slider stays behind u as it slides.
+            pub fn sliders(&self, p: &[f64]) -> Vec<f64> {
+                match self { $(AnyLaw::$name(law) => law.sliders(p)),* }
+            }
+
+            /// Its sliders held.
+            pub fn sliding(self, sliders: &[Slider]) -> Self {
+                match self { $(AnyLaw::$name(law) => AnyLaw::$name(law.sliding(sliders))),* }
             }
 
             pub fn stored(&self, u: f64, p: &[f64], z: &[f64]) -> Stored {

@@ -1,10 +1,10 @@
 //! From instant to instant: steps of fixed or controlled length, output times, breaks, and what happened when it ends early.
+mod judge;
 mod lengths;
 
 use crate::error::Result;
 use crate::multibody::System;
 use crate::run::{Cancel, Counts};
-use crate::tolerances::motion::SAFETY;
 
 use super::detour::{Approach, Detour, Passage, again, noisy, passage};
 use super::kept::KeptSteps;
@@ -51,6 +51,8 @@ pub fn drive(
     progress: &Progress,
     counts: &mut Counts,
 ) -> Result<Run> {
+    // fixed steps are those that were asked for
+    let with_kinks = plan.exact_kinks || matches!(plan.steps, Steps::Controlled { .. }) && scheme.begins_well();
     let mut driver = Driver {
         eq,
         plan,
@@ -61,7 +63,7 @@ pub fn drive(
         next_output: 0,
         uncounted: Uncounted::new(eq),
         watch: Watch::new(eq, &start, counts),
-        sides: if plan.to_kinks { Sides::new(eq, &start, plan.steps.tolerance()) } else { None },
+        sides: with_kinks.then(|| Sides::new(eq, &start, plan.steps.tolerance(), plan.exact_kinks)).flatten(),
         run: Run {
             outputs: Vec::new(),
             steps: vec![start.motion.t],
@@ -77,7 +79,7 @@ pub fn drive(
     driver.at_start(&start);
     scheme.over(plan.end - start.motion.t);
     driver.march(scheme, start, cancel, progress, counts)?;
-    driver.run.at_kinks = driver.sides.map(Sides::passed).unwrap_or_default();
+    driver.run.at_kinks = driver.sides.map(|s| s.passed(counts)).unwrap_or_default();
     Ok(driver.run)
 }
 
@@ -131,15 +133,12 @@ impl Driver<'_, '_, '_> {
         let (t0, end) = (self.start, self.plan.end);
         let total = end - t0;
         let held = self.held(way, counts);
-        let held = held.as_ref().map(|system| Equations::new(system, self.eq.x.clone(), self.eq.effects));
+        let held = held.as_ref().map(|system| self.eq.on_sides(system));
         let eq = held.as_ref().unwrap_or(self.eq);
         if self.run.steps.len() > 1 && self.sides.is_some() {
             match eq.instant(way.here.motion.clone(), counts) {
                 Ok(anew) => way.here = self.run.begun_anew(anew),
-                Err(error) => {
-                    self.stop(way.here.motion.t, error.to_string());
-                    return Ok(false);
-                }
+                Err(error) => return Ok(self.lost(way, scheme, &error.to_string(), counts)),
             }
         }
         while !self.vanishes(end - way.here.motion.t, end) {
@@ -207,26 +206,6 @@ impl Driver<'_, '_, '_> {
         Some(sides.held())
     }
 
-    /// A step that is good enough may go over a kink, or end before one.
-    fn at_kinks(
-        &mut self,
-        judged: Verdict,
-        eq: &Equations<'_, f64>,
-        way: &mut Way,
-        scheme: &mut dyn Scheme,
-        h: f64,
-        counts: &mut Counts,
-    ) -> Verdict {
-        let (Verdict::Accepted(step, ..), Some(sides)) = (&judged, &mut self.sides) else { return judged };
-        let (active, here) = (active(&mut way.detour, scheme), &way.here);
-        let mut between = |fractions: &[f64]| active.between(eq, here, step, h, fractions, counts);
-        match sides.judge((here, &step.end), h, &mut between) {
-            Ok(None) => judged,
-            Ok(Some(part)) => Verdict::Kinked(part),
-            Err(error) => Verdict::of_error(error),
-        }
-    }
-
     fn controlled(&self) -> bool {
         matches!(self.plan.steps, Steps::Controlled { .. })
     }
@@ -259,7 +238,7 @@ impl Driver<'_, '_, '_> {
         let mark = self.mark();
         let memory = self.run.kept.as_ref().map(|_| step.end.motion.memory.clone());
         let active = active(&mut way.detour, scheme);
-        way.kinked = active.per_unit_step() && self.eq.passes_kink(&way.here.motion, &step.end.motion);
+        way.kinked = active.per_unit_step() && self.passes_kink(&way.here.motion, &step.end.motion);
         self.record(eq, active, &way.here, &mut step, aim.length, counts)?;
         self.run.formulas.push(active.formula());
         active.accept(eq, &way.here, &step, aim.length);
@@ -285,14 +264,14 @@ impl Driver<'_, '_, '_> {
         self.run.steps.push(aim.broken.unwrap_or(way.here.motion.t));
         counts.add("steps", 1);
         if seen == Seen::Impossible {
-            return Ok(self.lost(&way.here, "rates grow beyond all bounds", counts));
+            return Ok(self.ended(&way.here, "rates grow beyond all bounds", counts));
         }
         if seen == Seen::Turned {
-            return Ok(self.cross_again(way, scheme, counts) || self.lost(&way.here, "the motion turned", counts));
+            return Ok(self.cross_again(way, scheme, counts) || self.ended(&way.here, "the motion turned", counts));
         }
         if let (Some(sides), None) = (&mut self.sides, aim.broken) {
             sides.accept(&way.here);
-            if sides.have_changed() {
+            if sides.have_turned() {
                 scheme.reset();
             }
         }
@@ -349,7 +328,7 @@ impl Driver<'_, '_, '_> {
             } else {
                 why
             };
-            return self.lost(&way.here, &why, counts);
+            return self.lost(way, scheme, &why, counts);
         }
         true
     }
@@ -415,8 +394,20 @@ impl Driver<'_, '_, '_> {
         true
     }
 
+    /// No step can be made: laws that were held are let go, or the run ends.
+    fn lost(&mut self, way: &mut Way, scheme: &mut dyn Scheme, why: &str, counts: &mut Counts) -> bool {
+        if !self.sides.as_mut().is_some_and(|s| s.let_go(&way.here)) {
+            return self.ended(&way.here, why, counts);
+        }
+        let fresh = self.departure(scheme, way.here.clone());
+        way.h = fresh.h.max(way.recent).min(self.plan.steps.longest());
+        (way.failures, way.after_rejection) = (0, false);
+        scheme.reset();
+        true
+    }
+
     /// The run ends; where rows lose rank, they are the reason.
-    fn lost(&mut self, here: &Instant, why: &str, counts: &mut Counts) -> bool {
+    fn ended(&mut self, here: &Instant, why: &str, counts: &mut Counts) -> bool {
         let message = match self.watch.losing_rank(self.eq, here, counts) {
             None => why.to_string(),
             Some((t, lost)) => format!("{} ({why})", lost.told(t)),
@@ -459,84 +450,6 @@ impl Driver<'_, '_, '_> {
 
     fn stop(&mut self, t: f64, message: String) {
         self.run.end = End::Stopped { t, message };
-    }
-
-    /// `allowed`: local error of the step; `patience`, `power`: of the scheme
-    fn judged(
-        &self,
-        tried: Result<Step>,
-        way: &Way,
-        (allowed, per_unit_step): (f64, bool),
-        (patience, power): (f64, f64),
-    ) -> Verdict {
-        let here = &way.here;
-        let step = match tried {
-            Ok(step) => step,
-            Err(error) => return Verdict::of_error(error),
-        };
-        let Some(error) = &step.error else {
-            return Verdict::Accepted(Box::new(step), 0.0, allowed);
-        };
-        // what starts from rest without force has no rate of its own yet
-        let reached = self.scaled(&step.end.motion.rate);
-        let error_size = self.size(error, self.speed.max(reached), patience);
-        let (mut size, mut allowed) = (error_size / allowed, allowed);
-        let passes = || way.kinked || self.eq.passes_kink(&here.motion, &step.end.motion);
-        // at a kink the error falls with a lower power of the step: a kink may cost what a unit of time may
-        let kinked = size > 1.0 && passes();
-        if let (Steps::Controlled { rtol, .. }, true, true) = (self.plan.steps, kinked, per_unit_step) {
-            allowed = allowed.max(rtol);
-            size = error_size / allowed;
-        }
-        if size <= 1.0 {
-            let turn = match self.plan.steps {
-                Steps::Controlled { rtol, .. } => self.eq.reversal(&here.motion, &step.end.motion, rtol),
-                Steps::Fixed(_) => None,
-            };
-            return match turn {
-                Some(part) => Verdict::Turned(part),
-                None => Verdict::Accepted(Box::new(step), size, allowed),
-            };
-        }
-        let reason = match kinked {
-            true => "where a law has a kink or a slider turns",
-            false => "where something jumps or changes faster than any step can follow",
-        };
-        let why = format!(
-            "no step is short enough: the estimated error of '{}' is {size:.1e} times the tolerance, {reason}; take a larger rtol, or \
-             another method",
-            self.culprit(error)
-        );
-        let factor = if size.is_finite() { (SAFETY * size.powf(-1.0 / power)).clamp(0.1, 0.9) } else { 0.1 };
-        Verdict::Rejected(factor, why)
-    }
-
-    /// What the local error of a step may be; infinite for fixed steps.
-    fn tolerance(&self, scheme: &dyn Scheme, h: f64) -> f64 {
-        match self.plan.steps {
-            Steps::Fixed(_) => f64::INFINITY,
-            Steps::Controlled { rtol, .. } if scheme.per_unit_step() => {
-                rtol * (self.plan.share * h / (self.plan.end - self.start)).min(1.0)
-            }
-            Steps::Controlled { rtol, .. } => rtol,
-        }
-    }
-
-    /// Errors of rates count for the time of the motion, or for `patience` where that is shorter.
-    fn size(&self, error: &LocalError, speed: f64, patience: f64) -> f64 {
-        let rate = self.scaled(&error.rate) * (1.0 / speed.max(f64::MIN_POSITIVE)).min(patience);
-        let position = self.scaled(&error.position);
-        let state = scaled(&error.state, &self.states);
-        if rate.is_nan() || position.is_nan() || state.is_nan() { f64::NAN } else { rate.max(position).max(state) }
-    }
-
-    /// The coordinate whose error is the largest.
-    fn culprit(&self, error: &LocalError) -> &str {
-        let size = |i: usize| {
-            (error.position[i].abs().max(error.rate[i].abs() / self.speed.max(f64::MIN_POSITIVE))) / self.scales[i]
-        };
-        let worst = (0..self.scales.len()).max_by(|i, j| size(*i).total_cmp(&size(*j)));
-        worst.map_or("", |i| &self.eq.topology().names[i])
     }
 
     /// Outputs up to the end of the step, then the memory of the laws.

@@ -13,7 +13,7 @@
 //! | `consistent` | closing, projection of rates, accelerations and multipliers: all that makes an `Instant` |
 //! | `singular` | poses where rows lose rank |
 //! | `detour` | across them |
-//! | `kinks`, `sides` | steps that end at kinks of laws, and laws held on one side of them |
+//! | `kinks`, `sides`, `kink_search`, `kink_rest` | steps that end at kinks of laws, and laws held on one side of them |
 //! | `watch` | whether the motion goes on behind them as it came |
 //! | `plan`, `driver`, `way` | fixed or controlled steps, output times, stops, detours |
 //! | `share` | how much of the tolerance a unit of time may have |
@@ -39,6 +39,8 @@ pub mod generalized_alpha;
 mod held_rates;
 pub mod interpolate;
 pub mod kept;
+mod kink_rest;
+mod kink_search;
 pub mod kinks;
 pub mod methods;
 pub mod plan;
@@ -187,6 +189,11 @@ pub trait Scheme {
 
     /// Something jumped (a restart, a kink): histories are worthless.
     fn reset(&mut self) {}
+
+    /// Are the first steps of a history as accurate as later ones, and single steps? Then motions by a tolerance end steps at kinks.
+    fn begins_well(&self) -> bool {
+        true
+    }
 
     /// What a reader of the result should know of how it went.
     fn remark(&self) -> Option<String> {

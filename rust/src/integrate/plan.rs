@@ -66,8 +66,8 @@ pub struct Plan {
     pub max_steps: usize,
     /// steps are solved to rounding and kept, at most so many
     pub kept: Option<usize>,
-    /// steps end at kinks of laws
-    pub to_kinks: bool,
+    /// steps end at kinks of laws to rounding, fixed ones too: for derivatives; without it controlled steps end there within their tolerance
+    pub exact_kinks: bool,
     /// ends of fixed steps, in place of a grid
     pub ends: Option<Vec<f64>>,
     /// how many tolerances the errors may add up to of schemes that hold that of a unit of time: where what they add up to does not
@@ -103,7 +103,7 @@ pub struct Run {
     pub rejected: usize,
     /// where they were asked for, and the scheme that was asked for made them all
     pub kept: Option<KeptSteps>,
-    /// where steps were to end at kinks of laws
+    /// of steps that end at kinks to rounding
     pub at_kinks: AtKinks,
     pub end: End,
     pub last: Output,

@@ -11,14 +11,15 @@ use super::{Equations, Motion};
 
 impl Equations<'_, f64> {
     /// The part of a step after which a slider turns first, where missing that would change its force by more than `tolerance` of it.
-    pub fn reversal(&self, from: &Motion<f64>, to: &Motion<f64>, tolerance: f64) -> Option<f64> {
+    /// `held`: sliders that can be held are.
+    pub fn reversal(&self, from: &Motion<f64>, to: &Motion<f64>, tolerance: f64, held: bool) -> Option<f64> {
         if from.memory.is_empty() {
             return None;
         }
         let topology = self.topology();
-        let slides = |law: &AnyLaw| law.has_map();
+        let slides = |l: &BoundLaw| self.slides(l, held);
         let connectors = topology.connectors.iter();
-        let sliding: Vec<_> = connectors.filter(|c| c.laws.iter().any(|l| slides(&l.law))).collect();
+        let sliding: Vec<_> = connectors.filter(|c| c.laws.iter().any(slides)).collect();
         if sliding.is_empty() {
             return None;
         }
@@ -27,7 +28,7 @@ impl Equations<'_, f64> {
         for c in sliding {
             let moved = |place| motion_of(topology, &self.geometry, place, &self.x, c);
             let (start, end) = (moved(&before), moved(&after));
-            for law in c.laws.iter().filter(|l| slides(&l.law)) {
+            for law in c.laws.iter().filter(|l| slides(l)) {
                 let way = Way::new(start[law.component], end[law.component], to.t - from.t);
                 let p = &self.x[law.x..law.x + law.law.n_params()];
                 let memory = &from.memory[law.memory..law.memory + law.law.n_memory()];
@@ -41,19 +42,25 @@ impl Equations<'_, f64> {
         }
         first
     }
+
+    /// Has a law sliders that are not held?
+    fn slides(&self, l: &BoundLaw, held: bool) -> bool {
+        l.law.has_map() && !(held && !l.law.sliders(&self.x[l.x..l.x + l.law.n_params()]).is_empty())
+    }
 }
 
 impl Equations<'_, f64> {
-    /// Does a law pass a kink between two motions, or does a slider begin or cease to slide?
-    pub fn passes_kink(&self, from: &Motion<f64>, to: &Motion<f64>) -> bool {
+    /// Does a law pass a kink between two motions, or does a slider begin or cease to slide? `held`: laws are held on the sides of sharp
+    /// kinks, and sliders.
+    pub fn passes_kink(&self, from: &Motion<f64>, to: &Motion<f64>, (held, sliders): (bool, bool)) -> bool {
         let topology = self.topology();
         // friction that is rounded over a width has no kink that a step could pass
-        let sharp = |s: &Surface| s.crossing == Crossing::Displacement || s.width == 0.0;
+        let sharp = |s: &Surface| (s.crossing == Crossing::Displacement || s.width == 0.0) && !(held && s.is_sharp());
         let surfaces = |l: &BoundLaw| {
             let all = l.law.surfaces(&self.x[l.x..l.x + l.law.n_params()]);
             all.into_iter().filter(sharp).collect::<Vec<_>>()
         };
-        let kinky = |l: &BoundLaw| l.law.has_map() || !surfaces(l).is_empty();
+        let kinky = |l: &BoundLaw| self.slides(l, sliders) || !surfaces(l).is_empty();
         let connectors: Vec<_> = topology.connectors.iter().filter(|c| c.laws.iter().any(kinky)).collect();
         if connectors.is_empty() {
             return false;
@@ -71,7 +78,7 @@ impl Equations<'_, f64> {
                 {
                     return true;
                 }
-                if !l.law.has_map() {
+                if !self.slides(l, sliders) {
                     return false;
                 }
                 let memory = &from.memory[l.memory..l.memory + l.law.n_memory()];

@@ -45,7 +45,7 @@ pub(super) fn share(
             max_steps: plan.max_steps,
             kept: None,
             // as motions are made: what derivatives need costs time
-            to_kinks: false,
+            exact_kinks: false,
             ends: None,
             share: 1.0,
         };

@@ -2,158 +2,193 @@
 //!
 //! Between two kinks all laws are held on their sides and go on smoothly across them (`Equations::held`), so that a step over a kink is one
 //! of smooth equations: its error is that of its length alone, and its end tells truly on which side it is. Only steps whose error was
-//! accepted are looked at. The length of a step that ends at a kink is a zero of the distance at its end, which the rule of false position
-//! with the weights of Illinois finds on the steps themselves; from there on the law is held on the other side. Along every step that
-//! the motion goes on from, all distances are on their sides; a kink for which that cannot be had is named.
+//! accepted are looked at. The length of a step that ends at a kink is a zero of the distance at its end (`kink_search`); from there on the
+//! law is held on the other side. Along every step that the motion goes on from, all distances are on their sides; a kink for which that
+//! cannot be had is named.
+//!
+//! A motion that is differentiated needs kinks to rounding. In others a kink is found as far as the tolerance asks, one that changes a step
+//! by less than its tolerance is passed, and a law that passes its kink again and again is left as it is for a while.
 use crate::error::Result;
 use crate::force::Side;
 use crate::multibody::System;
 use crate::run::Counts;
-use crate::tolerances::steps::{AT_KINK, BESIDE_KINK, KINK_POLISH, KINK_SEARCH, NOISE_SHARE, SEEN_KINK};
+use crate::tolerances::steps::{
+    AT_KINK, BESIDE_KINK, KINK_EFFECT, KINK_FOUND, KINK_GUESSED, KINK_POLISH, KINK_SEARCH, NOISE_SHARE, SEEN_KINK,
+};
 
 use super::explicit8::Explicit8;
-use super::kinks::{AtKinks, Missed, SharpKink, Smooth};
+use super::kink_rest::Rests;
+use super::kink_search::{Place, Search, first_zero, secant};
+use super::kinks::{AtKinks, Distance, Kinked, Missed, SharpKink, Smooth};
 use super::{Equations, Instant, Motion, Scheme, scaled_size};
 
 /// Parts of a step at which kinks are looked for, besides its end.
 const LOOKED: [f64; 7] = [0.125, 0.25, 0.375, 0.5, 0.625, 0.75, 0.875];
-/// Bounds of a guess in the rest of the step, so that its ends move.
-const EDGE: f64 = 0.01;
+/// A side was left beyond so many times the distance at which a step ends at its kink.
+const BESIDE_FOUND: f64 = 3.0;
+/// Interpolations in search of a first guess.
+const INTERPOLATED: usize = 6;
 const JUMPS: &str = "its force jumps";
 const ENDLESS: &str = "it passes its kink again and again without end";
 const WITHIN: &str = "it passes its kink within a step";
 const RESTS: &str = "it rests on its kink";
+const CROWDED: &str = "kinks of states are more than steps";
+const UNREACHED: &str = "no step ends at its kink";
 
-/// Motions within the step just tried, at fractions of it.
-pub(super) type Between<'b> = dyn FnMut(&[f64]) -> Result<Vec<Motion<f64>>> + 'b;
-/// A fraction of a step, and the distances there.
-type Place = (f64, Vec<f64>);
+/// The step just made, for those who look at kinks in it.
+pub(super) trait Within {
+    /// Motions at fractions of it.
+    fn between(&mut self, fractions: &[f64]) -> Result<Vec<Motion<f64>>>;
 
-/// The search for a step that ends at a kink: lengths and distances of steps that end before and behind it.
-struct Search {
-    from: f64,
-    /// kinks that steps of some length pass
-    targets: Vec<usize>,
-    before: Place,
-    behind: Place,
-    /// weights of the distances, and which end moved last
-    weights: [f64; 2],
-    moved: Option<bool>,
-    tries: usize,
-    /// tries with both ends at the kink but for the noise of steps
-    near: usize,
-    /// distances do not come nearer to zero: the step before is the one
-    is_last: bool,
-}
-
-/// Where a distance is zero between two of different sign, as a part; the middle where they have the same one.
-fn zero_between(f0: f64, f1: f64) -> f64 {
-    if f0 * f1 < 0.0 { f0 / (f0 - f1) } else { 0.5 }
-}
-
-impl Search {
-    /// The length of the next step, between both.
-    fn guess(&self, left: &[usize]) -> f64 {
-        let [a, b] = self.weights;
-        let part = |k: &usize| zero_between(a * self.before.1[*k], b * self.behind.1[*k]);
-        let first = left.iter().map(part).fold(1.0, f64::min);
-        self.before.0 + first.clamp(EDGE, 1.0 - EDGE) * (self.behind.0 - self.before.0)
-    }
-
-    fn narrow(&mut self, h: f64, distances: Vec<f64>, is_behind: bool) {
-        self.tries += 1;
-        self.weights = match (is_behind, self.moved == Some(is_behind)) {
-            (true, true) => [0.5 * self.weights[0], 1.0],
-            (false, true) => [1.0, 0.5 * self.weights[1]],
-            _ => [1.0, 1.0],
-        };
-        self.moved = Some(is_behind);
-        *(if is_behind { &mut self.behind } else { &mut self.before }) = (h, distances);
-    }
+    /// The error, over its tolerance, of a step in which laws were not held as here for a time up to a motion.
+    fn effect(&mut self, held: &System, m: &Motion<f64>, time: f64) -> f64;
 }
 
 /// Where a motion is beside the kinks of its laws.
 pub(super) struct Sides<'e, 's> {
     eq: &'e Equations<'s, f64>,
+    kinked: Vec<Kinked<'s>>,
     kinks: Vec<SharpKink>,
+    /// kinks are found to rounding, for derivatives
+    exact: bool,
     sides: Vec<Side>,
     /// those that it changed to and was not beyond the kink on yet
     fresh: Vec<bool>,
     /// kinks of laws that do not act, or that are passed by steps of any length, which is said
     ignored: Vec<bool>,
-    /// distances at the start of the step
-    last: Vec<f64>,
-    /// the largest distances so far
-    sizes: Vec<f64>,
+    rests: Rests,
+    /// at the start of the step before, at that of the step, and at the end that was judged
+    before: Vec<Distance>,
+    last: Vec<Distance>,
+    /// when the step begins, and how long the one before was
+    begin: f64,
+    length: f64,
+    ahead: Option<Vec<Distance>>,
+    /// the largest distances so far, of values and of rates
+    sizes: Vec<[f64; 2]>,
     /// the largest acceleration and the largest rate so far
     hardest: f64,
     fastest: f64,
-    /// distances below this part of the largest are zero
+    /// distances below this part of the largest are zero, and below this one at the kink
     zero: f64,
+    at: f64,
     search: Option<Search>,
     /// a kink inside a step from this time is nearer than any step can end
     unseen: Option<f64>,
     inside: Option<usize>,
-    /// the sides are other ones than the equations are held on
+    /// kinks that the step passes without an effect
+    passed: Vec<usize>,
+    /// the sides are other ones than the equations are held on, and by more than a step tells
     changed: bool,
+    turned: bool,
     smooth: Vec<Smooth>,
     missed: Vec<Missed>,
+    /// kinks at which steps ended
+    met: u64,
+}
+
+fn plain(distances: &[Distance]) -> Vec<f64> {
+    distances.iter().map(|d| d.distance).collect()
 }
 
 impl<'e, 's> Sides<'e, 's> {
-    /// None where no law has a kink; `rtol`: of controlled steps.
-    pub fn new(eq: &'e Equations<'s, f64>, start: &Instant, rtol: Option<f64>) -> Option<Self> {
-        let kinks = eq.sharp_kinks();
+    /// None where no law has a kink; `rtol`: of controlled steps; `exact`: for derivatives.
+    pub fn new(eq: &'e Equations<'s, f64>, start: &Instant, rtol: Option<f64>, exact: bool) -> Option<Self> {
+        let kinked = eq.kinked(!exact);
+        let kinks = eq.sharp_kinks(&kinked);
+        if !kinks.iter().any(|k| k.acts) {
+            return None;
+        }
         let (n, ignored) = (kinks.len(), kinks.iter().map(|k| !k.acts).collect());
+        let share = |part: f64| rtol.map_or(0.0, |rtol| part * rtol);
+        let (zero, at) = if exact {
+            (BESIDE_KINK.max(share(NOISE_SHARE)), AT_KINK)
+        } else {
+            (BESIDE_KINK.max(BESIDE_FOUND * share(KINK_FOUND)), (BESIDE_KINK / BESIDE_FOUND).max(share(KINK_FOUND)))
+        };
         let mut made = Sides {
             eq,
+            kinked,
             kinks,
+            exact,
             sides: vec![Side::Free; n],
             fresh: vec![false; n],
             ignored,
+            rests: Rests::new(n),
+            before: Vec::new(),
             last: Vec::new(),
-            sizes: vec![0.0; n],
+            begin: start.motion.t,
+            length: 0.0,
+            ahead: None,
+            sizes: vec![[0.0; 2]; n],
             hardest: 0.0,
             fastest: 0.0,
-            zero: rtol.map_or(BESIDE_KINK, |rtol| BESIDE_KINK.max(NOISE_SHARE * rtol)),
+            zero,
+            at,
             search: None,
             unseen: None,
             inside: None,
+            passed: Vec::new(),
             changed: false,
+            turned: false,
             smooth: Vec::new(),
             missed: Vec::new(),
+            met: 0,
         };
         made.restart(start);
-        (n > 0).then_some(made)
+        Some(made)
     }
 
-    pub fn passed(self) -> AtKinks {
-        AtKinks { smooth: self.smooth, missed: self.missed }
+    /// What is known of kinks at the end of the motion; derivatives need to know where laws were held.
+    pub fn passed(self, counts: &mut Counts) -> AtKinks {
+        for (what, n) in [("kinks met", self.met), ("kinks passed over", self.missed.len() as u64)] {
+            if n > 0 {
+                counts.add(what, n);
+            }
+        }
+        if self.exact { AtKinks { smooth: self.smooth, missed: self.missed } } else { AtKinks::default() }
     }
 
     /// The system with all laws on their sides.
     pub fn held(&mut self) -> System {
-        self.changed = false;
-        self.eq.held(&self.sides)
+        (self.changed, self.turned) = (false, false);
+        self.eq.held(&self.kinked, &self.sides)
     }
 
     pub fn have_changed(&self) -> bool {
         self.changed
     }
 
-    fn distances(&mut self, m: &Motion<f64>) -> Vec<f64> {
-        let now = self.eq.kink_distances(m);
+    /// Did they change at a kink, where histories end?
+    pub fn have_turned(&self) -> bool {
+        self.turned
+    }
+
+    /// Are all laws held that have sharp kinks, so that no step is over one, and all sliders?
+    pub fn are_held(&self) -> (bool, bool) {
+        let held = (0..self.sides.len()).all(|k| self.sides[k] != Side::Free || !self.kinks[k].acts);
+        (held, held && !self.exact)
+    }
+
+    /// The system with laws on other sides.
+    pub fn on(&self, sides: &[Side]) -> System {
+        self.eq.held(&self.kinked, sides)
+    }
+
+    fn distances(&mut self, m: &Motion<f64>) -> Vec<Distance> {
+        let now = self.eq.kink_distances(&self.kinked, m, &self.sides);
         self.fastest = self.fastest.max(scaled_size(&m.rate, &self.eq.scales()));
-        for (size, d) in self.sizes.iter_mut().zip(&now) {
-            *size = size.max(d.abs());
+        for (k, d) in now.iter().enumerate() {
+            let size = &mut self.sizes[k][usize::from(self.kinks[k].is_rate(self.sides[k]))];
+            *size = size.max(d.distance.abs());
         }
         now
     }
 
     fn is_beyond(&self, k: usize, distance: f64, part: f64) -> bool {
-        let kink = &self.kinks[k];
-        let rounding = kink.rounding.max(kink.rounding_of_rate * self.fastest);
-        distance.abs() > (part * self.sizes[k]).max(rounding)
+        let (kink, side) = (&self.kinks[k], self.sides[k]);
+        let size = self.sizes[k][usize::from(kink.is_rate(side))];
+        distance.abs() > (part * size).max(kink.rounding(side, self.fastest))
     }
 
     /// Kinks that were left by more than this part of the largest distances.
@@ -184,10 +219,11 @@ impl<'e, 's> Sides<'e, 's> {
         for k in open {
             (self.sides[k], self.fresh[k]) = (Side::Free, false);
         }
-        self.decide(&now);
-        self.last = now;
+        self.decide(&plain(&now));
+        (self.before, self.last) = (Vec::new(), self.distances(&here.motion));
+        self.begin = here.motion.t;
         self.search = None;
-        self.changed = true;
+        (self.changed, self.turned) = (true, true);
         if self.smooth.is_empty() || before != self.sides {
             self.stretch_from(here.motion.t);
         }
@@ -200,11 +236,12 @@ impl<'e, 's> Sides<'e, 's> {
         }
         if let Ok(ahead) = Explicit8::default().step(self.eq, here, moment, false, counts) {
             let there = self.distances(&ahead.end.motion);
-            self.decide(&there);
+            self.decide(&plain(&there));
         }
         if let Some(stretch) = self.smooth.last_mut() {
             stretch.sides.clone_from(&self.sides);
         }
+        self.last = self.distances(&here.motion);
     }
 
     /// Back to an instant before.
@@ -215,10 +252,11 @@ impl<'e, 's> Sides<'e, 's> {
         if let Some(stretch) = self.smooth.last() {
             self.sides.clone_from(&stretch.sides);
         }
-        self.last = self.eq.kink_distances(&here.motion);
+        self.begin = t;
+        (self.before, self.last) = (Vec::new(), self.eq.kink_distances(&self.kinked, &here.motion, &self.sides));
         self.fresh.fill(false);
         self.search = None;
-        self.changed = true;
+        (self.changed, self.turned) = (true, true);
     }
 
     fn stretch_from(&mut self, t: f64) {
@@ -231,24 +269,52 @@ impl<'e, 's> Sides<'e, 's> {
         self.search = None;
     }
 
+    /// All laws are as they are from here on, since no step can be made; false where they were before.
+    pub fn let_go(&mut self, here: &Instant) -> bool {
+        let held: Vec<usize> = (0..self.sides.len()).filter(|k| !self.ignored[*k]).collect();
+        let search = self.search.take();
+        if let Some(k) = search.and_then(|s| s.targets.first().copied()).or(held.first().copied()) {
+            self.miss(here.motion.t, k, UNREACHED);
+        }
+        for k in &held {
+            (self.ignored[*k], self.sides[*k]) = (true, Side::Free);
+        }
+        (self.changed, self.turned) = (true, true);
+        self.stretch_from(here.motion.t);
+        !held.is_empty()
+    }
+
     /// The length of another step over that of this one, of length h and a good error; None where the motion may go on from its end.
-    pub fn judge(
-        &mut self,
-        (from, end): (&Instant, &Instant),
-        h: f64,
-        between: &mut Between<'_>,
-    ) -> Result<Option<f64>> {
+    pub fn judge(&mut self, (from, end): (&Instant, &Instant), h: f64, step: &mut dyn Within) -> Result<Option<f64>> {
         let t = from.motion.t;
+        self.ahead = None;
+        self.passed.clear();
         if self.unseen == Some(t) {
             return Ok(None);
         }
         self.search.take_if(|s| s.from != t);
         let now = self.distances(&end.motion);
-        self.refresh(&now);
+        let at = plain(&now);
+        self.refresh(&at);
+        let far = self.search.is_none() && self.is_far(&now, h);
+        self.ahead = Some(now);
         match self.search.take() {
-            Some(search) => Ok(self.searched(search, h, now)),
-            None => self.begun(t, h, now, between),
+            _ if far => Ok(None),
+            Some(search) => Ok(self.searched(search, h, at)),
+            None => self.begun((t, h), (at, &end.motion), step),
         }
+    }
+
+    /// Does the step stay far from all kinks? Laws that are on no side are as they are, unless derivatives need to know.
+    fn is_far(&self, now: &[Distance], h: f64) -> bool {
+        let far = |k: usize| {
+            let free = self.ignored[k] || !self.exact && self.sides[k] == Side::Free;
+            free || self.sides[k] != Side::Free && {
+                let before = self.before.get(k).map(|d| (d, self.length));
+                self.kinks[k].is_far(self.sides[k], (before, &self.last[k], &now[k]), h)
+            }
+        };
+        (0..self.sides.len()).all(far)
     }
 
     /// Sides on which the motion was beyond the kink are not fresh.
@@ -261,28 +327,65 @@ impl<'e, 's> Sides<'e, 's> {
     }
 
     /// The first try of a step.
-    fn begun(&mut self, t: f64, h: f64, now: Vec<f64>, between: &mut Between<'_>) -> Result<Option<f64>> {
-        let mut path = vec![(0.0, self.last.clone())];
-        for (x, m) in LOOKED.iter().zip(between(&LOOKED)?) {
-            let here = self.distances(&m);
+    fn begun(
+        &mut self,
+        (t, h): (f64, f64),
+        (now, end): (Vec<f64>, &Motion<f64>),
+        step: &mut dyn Within,
+    ) -> Result<Option<f64>> {
+        let mut path = vec![(0.0, plain(&self.last))];
+        let motions = step.between(&LOOKED)?;
+        for (x, m) in LOOKED.iter().zip(&motions) {
+            let here = plain(&self.distances(m));
             self.refresh(&here);
             path.push((*x, here));
         }
         path.push((1.0, now));
-        if self.is_on_both_sides(&path) {
+        if self.exact && self.is_on_both_sides(&path) {
             return Ok(Some(LOOKED[0]));
         }
         let n = path.len() - 1;
         let is_behind = !self.left(&path[n].1, self.zero).is_empty();
         let first = (1..n).find(|j| !self.left(&path[*j].1, SEEN_KINK).is_empty());
+        if !self.exact && (is_behind || first.is_some()) && self.is_small(h, &path, (&motions, end), step) {
+            self.passed = self.left(&path[n].1, self.zero);
+            return Ok(None);
+        }
         match first {
-            _ if is_behind => Ok(Some(self.search_from(t, h, path, first.unwrap_or(n)))),
+            _ if is_behind => self.search_from(t, h, path, first.unwrap_or(n), step).map(Some),
             Some(j) => {
                 self.inside = self.left(&path[j].1, SEEN_KINK).first().copied();
                 Ok(Some(path[j].0))
             }
-            None => self.touched(&path, between),
+            None => self.touched(h, &path, step),
         }
+    }
+
+    /// Is what laws on the other sides of their kinks change in the step a small part of its tolerance? They are farthest from these at the
+    /// end, or inside where they come back.
+    fn is_small(
+        &self,
+        h: f64,
+        path: &[Place],
+        (inside, end): (&[Motion<f64>], &Motion<f64>),
+        step: &mut dyn Within,
+    ) -> bool {
+        let left: Vec<Vec<usize>> = path.iter().map(|(_, d)| self.left(d, self.zero)).collect();
+        let Some(begin) = left.iter().position(|l| !l.is_empty()) else { return true };
+        if left.iter().flatten().any(|k| self.kinks[*k].is_lasting()) {
+            return false;
+        }
+        let n = path.len() - 1;
+        let back = (0..self.sides.len()).filter(|k| !left[n].contains(k) && left.iter().any(|l| l.contains(k)));
+        let farthest = back.filter_map(|k| (1..n).max_by(|i, j| path[*i].1[k].abs().total_cmp(&path[*j].1[k].abs())));
+        let mut places: Vec<usize> = farthest.chain([n]).collect();
+        places.dedup();
+        places.into_iter().filter(|j| !left[*j].is_empty()).all(|j| {
+            let mut sides = self.sides.clone();
+            left[j].iter().for_each(|k| sides[*k] = sides[*k].opposite());
+            let time = h * (path[j].0 - path[begin].0 + LOOKED[0]);
+            step.effect(&self.on(&sides), inside.get(j - 1).unwrap_or(end), time) < KINK_EFFECT
+        })
     }
 
     /// Is the side of a kink undecided, and the motion on both within the step?
@@ -294,28 +397,31 @@ impl<'e, 's> Sides<'e, 's> {
     }
 
     /// The first guess is on the way to the place j.
-    fn search_from(&mut self, t: f64, h: f64, mut path: Vec<Place>, j: usize) -> f64 {
-        let ((x0, d0), (x1, d1)) = (&path[j - 1], &path[j]);
-        let part = |k: &usize| zero_between(d0[*k], d1[*k]);
-        let first = self.left(d1, self.zero).iter().map(part).fold(1.0, f64::min);
-        let guess = x0 + first.clamp(EDGE, 1.0 - EDGE) * (x1 - x0);
-        let behind = path.pop().map_or_else(Vec::new, |(_, d)| d);
-        self.search = Some(Search {
-            from: t,
-            targets: self.left(&behind, self.zero),
-            before: (0.0, self.last.clone()),
-            behind: (h, behind),
-            weights: [1.0; 2],
-            moved: None,
-            tries: 0,
-            near: 0,
-            is_last: false,
-        });
-        guess
+    fn search_from(&mut self, t: f64, h: f64, mut path: Vec<Place>, j: usize, step: &mut dyn Within) -> Result<f64> {
+        let behind = path.last().map_or_else(Vec::new, |(_, d)| d.clone());
+        let targets = self.left(&behind, self.zero);
+        let (mut b, mut a) = (path.swap_remove(j), path.swap_remove(j - 1));
+        let mut guess = first_zero(&a, &b, &self.left(&b.1, self.zero));
+        let (mut before, mut last) = (a.clone(), b.clone());
+        for _ in 0..INTERPOLATED {
+            let Some(m) = step.between(&[guess])?.pop() else { break };
+            let there = (guess, plain(&self.distances(&m)));
+            *(if self.left(&there.1, self.at).is_empty() { &mut a } else { &mut b }) = there.clone();
+            before = std::mem::replace(&mut last, there);
+            let left = self.left(&b.1, self.at);
+            let next = secant(&before, &last, &left);
+            guess = if next > a.0 && next < b.0 { next } else { first_zero(&a, &b, &left) };
+            if (guess - last.0).abs() < KINK_GUESSED {
+                break;
+            }
+        }
+        let start = (0.0, plain(&self.last));
+        self.search = Some(Search::new(t, start, (h, behind), [&before, &last], targets));
+        Ok(guess)
     }
 
     /// Where a distance is least between two places, beyond the kink.
-    fn touched(&mut self, path: &[Place], between: &mut Between<'_>) -> Result<Option<f64>> {
+    fn touched(&mut self, h: f64, path: &[Place], step: &mut dyn Within) -> Result<Option<f64>> {
         for (k, j) in (0..self.sides.len()).flat_map(|k| (1..path.len() - 1).map(move |j| (k, j))) {
             let own = |j: usize| if self.sides[k] == Side::Below { -path[j].1[k] } else { path[j].1[k] };
             let [a, b, c] = [own(j - 1), own(j), own(j + 1)];
@@ -326,10 +432,16 @@ impl<'e, 's> Sides<'e, 's> {
                 continue;
             }
             let x = path[j].0 - slope / bend * LOOKED[0];
-            let there = between(&[x])?;
-            if there.iter().any(|m| self.left(&self.eq.kink_distances(m), SEEN_KINK).contains(&k)) {
-                self.inside = Some(k);
-                return Ok(Some(x));
+            for m in step.between(&[x])? {
+                let there = plain(&self.eq.kink_distances(&self.kinked, &m, &self.sides));
+                let mut sides = self.sides.clone();
+                sides[k] = sides[k].opposite();
+                let counts = self.exact || step.effect(&self.on(&sides), &m, h * LOOKED[0]) >= KINK_EFFECT;
+                let counts = counts || self.kinks[k].is_lasting();
+                if self.left(&there, SEEN_KINK).contains(&k) && counts {
+                    self.inside = Some(k);
+                    return Ok(Some(x));
+                }
             }
         }
         Ok(None)
@@ -338,7 +450,7 @@ impl<'e, 's> Sides<'e, 's> {
     fn searched(&mut self, mut search: Search, h: f64, now: Vec<f64>) -> Option<f64> {
         search.targets.extend(self.left(&now, self.zero));
         let is_behind = !self.passed_by(&search, &now).is_empty();
-        let is_at = |k: &usize| !self.is_beyond(*k, now[*k], AT_KINK);
+        let is_at = |k: &usize| !self.is_beyond(*k, now[*k], self.at);
         let next = if search.is_last || !is_behind && self.passed_by(&search, &search.behind.1).iter().any(is_at) {
             None
         } else {
@@ -354,7 +466,7 @@ impl<'e, 's> Sides<'e, 's> {
 
     /// Kinks of a search behind which distances are.
     fn passed_by(&self, search: &Search, distances: &[f64]) -> Vec<usize> {
-        self.left(distances, AT_KINK).into_iter().filter(|k| search.targets.contains(k)).collect()
+        self.left(distances, self.at).into_iter().filter(|k| search.targets.contains(k)).collect()
     }
 
     /// The kink is nearer to the start of the step than any step can end.
@@ -377,54 +489,106 @@ impl<'e, 's> Sides<'e, 's> {
     /// The motion goes on beyond these kinks.
     fn turn_over(&mut self, m: &Motion<f64>, kinks: &[usize]) {
         for &k in kinks {
-            if self.fresh[k] {
+            self.rests.meet(k, self.kinks[k].is_of_state());
+            if self.fresh[k] || !self.exact && self.rests.is_met_again(k) {
                 (self.ignored[k], self.sides[k]) = (true, Side::Free);
+                self.rests.begin(k);
                 self.miss(m.t, k, ENDLESS);
                 continue;
             }
-            if self.kinks[k].may_jump && self.eq.jumps_at(m, &self.sides, k, self.hardest) {
+            if self.exact
+                && self.kinks[k].may_jump()
+                && self.eq.jumps_at(m, (&self.kinked, &self.sides), k, self.hardest)
+            {
                 self.miss(m.t, k, JUMPS);
             }
             (self.sides[k], self.fresh[k]) = (self.sides[k].opposite(), true);
+            self.met += 1;
         }
-        self.changed = true;
+        if !self.exact && self.rests.are_crowded() {
+            self.let_states_go(m.t);
+        }
+        (self.changed, self.turned) = (true, true);
         self.stretch_from(m.t);
+    }
+
+    /// More kinks of states than steps: the error control passes these with less work.
+    fn let_states_go(&mut self, t: f64) {
+        let states: Vec<usize> = (0..self.sides.len()).filter(|k| self.kinks[*k].is_of_state()).collect();
+        let all = states.into_iter().filter(|k| !self.ignored[*k]).collect::<Vec<_>>();
+        all.first().into_iter().for_each(|k| self.miss(t, *k, CROWDED));
+        all.iter().for_each(|k| (self.ignored[*k], self.sides[*k]) = (true, Side::Free));
+        self.rests.begin_together(&all);
     }
 
     /// The motion goes on from the end of a step.
     pub fn accept(&mut self, end: &Instant) {
-        let now = self.distances(&end.motion);
+        let there = self.ahead.take().unwrap_or_else(|| self.distances(&end.motion));
+        let now = plain(&there);
         self.hardest = self.hardest.max(scaled_size(&end.acceleration, &self.eq.scales()));
         let t = end.motion.t;
         let mut over = self.left(&now, self.zero);
+        over.retain(|k| !self.passed.contains(k));
         over.iter().for_each(|k| self.miss(t, *k, WITHIN));
         if let Some(search) = self.search.take() {
-            let is_end = |k: &usize| search.is_last || !self.is_beyond(*k, now[*k], AT_KINK);
+            let is_end = |k: &usize| search.is_last || !self.is_beyond(*k, now[*k], self.at);
             let ended: Vec<usize> = self.passed_by(&search, &search.behind.1).into_iter().filter(is_end).collect();
-            let far: Vec<usize> = ended.iter().copied().filter(|k| self.is_beyond(*k, now[*k], SEEN_KINK)).collect();
+            let far: Vec<usize> =
+                ended.iter().copied().filter(|k| self.is_beyond(*k, now[*k], SEEN_KINK.max(self.at))).collect();
             far.into_iter().for_each(|k| self.miss(t, k, WITHIN));
             over.extend(ended);
         }
         over.sort_unstable();
         over.dedup();
         self.say_where_it_rests(&now, &end.motion);
+        self.rests.pass();
+        (self.begin, self.length) = (t, t - self.begin);
         let before = self.sides.clone();
-        self.decide(&now);
-        if let Some(stretch) = self.smooth.last_mut().filter(|_| before != self.sides) {
-            stretch.sides.clone_from(&self.sides);
+        for k in std::mem::take(&mut self.passed) {
+            self.sides[k] = self.sides[k].opposite();
         }
-        self.last = now;
+        self.rest(&now);
+        self.decide(&now);
+        if before != self.sides {
+            if self.exact {
+                self.smooth.iter_mut().last().into_iter().for_each(|s| s.sides.clone_from(&self.sides));
+            } else {
+                self.changed = true;
+                self.stretch_from(t);
+            }
+        }
+        self.before = std::mem::replace(&mut self.last, there);
         if !over.is_empty() {
             self.turn_over(&end.motion, &over);
+        }
+        if before != self.sides && self.kinks.iter().any(SharpKink::is_lasting) {
+            // limits of sliders are other distances on other sides
+            self.last = self.distances(&end.motion);
+        }
+    }
+
+    /// Kinks that were passed again and again are looked at again after a while.
+    fn rest(&mut self, now: &[f64]) {
+        if self.exact {
+            return;
+        }
+        for k in 0..self.sides.len() {
+            let is_left = self.is_beyond(k, now[k], self.zero);
+            if let Some(goes_on) = self.rests.goes_on(k, is_left) {
+                self.ignored[k] = goes_on;
+            }
         }
     }
 
     /// Where it neither is beside a kink nor passes it, laws have no slope.
     fn say_where_it_rests(&mut self, now: &[f64], m: &Motion<f64>) {
+        if !self.exact {
+            return;
+        }
         for (k, d) in now.iter().enumerate() {
-            let is_beyond = self.is_beyond(k, self.last[k], self.zero) || self.is_beyond(k, *d, self.zero);
+            let is_beyond = self.is_beyond(k, self.last[k].distance, self.zero) || self.is_beyond(k, *d, self.zero);
             let rests = self.is_undecided(k) && !is_beyond;
-            if rests && self.eq.bends_at(m, &self.sides, k) {
+            if rests && self.eq.bends_at(m, (&self.kinked, &self.sides), k) {
                 self.ignored[k] = true;
                 self.miss(m.t, k, RESTS);
             }

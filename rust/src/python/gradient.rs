@@ -249,7 +249,7 @@ fn motion_is_explicit<'py>(
 #[pyfunction]
 fn motion_has_kinks(system: PyRef<'_, PySystem>, without: Vec<String>) -> PyResult<bool> {
     let system = &system.0;
-    Ok(!Equations::new(system, system.x.to_vec(), effects(&without)?).sharp_kinks().is_empty())
+    Ok(Equations::new(system, system.x.to_vec(), effects(&without)?).has_kinks())
 }
 
 /// Times after `start` at which a load or a drive is not smooth: a step ends there.

@@ -65,7 +65,7 @@ fn plan(options: &Bound<'_, PyDict>) -> PyResult<Plan> {
         breaks: numbers(options, "breaks")?.unwrap_or_default(),
         max_steps: number(options, "max_steps")?.map_or(usize::MAX, |n| n as usize),
         kept: None,
-        to_kinks: number(options, "to_kinks")?.is_some(),
+        exact_kinks: number(options, "exact_kinks")?.is_some(),
         ends: numbers(options, "ends")?,
         share: 1.0,
     })

@@ -13,7 +13,8 @@ pub fn systems(system: &System, effects: Effects, smooth: &[Smooth]) -> Vec<Syst
         return vec![system.clone()];
     }
     let eq = Equations::new(system, system.x.to_vec(), effects);
-    smooth.iter().map(|s| eq.held(&s.sides)).collect()
+    let kinked = eq.kinked(false);
+    smooth.iter().map(|s| eq.held(&kinked, &s.sides)).collect()
 }
 
 /// The equations of motion from each kink on.

@@ -59,6 +59,28 @@ pub const BESIDE_KINK: f64 = 1e-11;
 /// first points show the errors of the start. Smaller: remainders of Newton's method are taken for passages, and start steps are divided
 /// for nothing.
 pub const NOISE_SHARE: f64 = 1e-3;
+/// Distances over the largest of the motion, and over the tolerance, at which a step ends at the kink where no derivative is wanted: a law that is
+/// held as much too long errs by the square of it. Larger: stiff contacts show it. Smaller: another step for each kink.
+pub const KINK_FOUND: f64 = 0.01;
+/// How far another interpolation moves the first guess of the length of a step to a kink, over the step, below which it is as good as the
+/// interpolation. Larger: more steps. Smaller: interpolations for nothing. Only work depends on it.
+pub const KINK_GUESSED: f64 = 1e-6;
+/// What a kink changes in a step, over its tolerance, below which the step may pass it. Larger: kinks add to the error of steps. Smaller:
+/// kinks are searched that no error shows. Pinned by `tests/motion/test_kinks.py`.
+pub const KINK_EFFECT: f64 = 0.05;
+/// Steps in a row that end at one kink, above which the law passes it again and again. Larger: sliding on a law that chatters is followed in
+/// vain. Smaller: true contacts are not met.
+pub const KINK_AGAIN: usize = 12;
+/// Steps for which such a kink is ignored at first; twice as many each time, and so often at most. Larger: kinks behind are not met. Smaller:
+/// chatter costs time.
+pub const KINK_REST: usize = 16;
+/// See `KINK_REST`.
+pub const LONGEST_REST: u32 = 12;
+/// Steps that end at kinks of states beyond those that do not, from which on they are passed by the error control: twenty hinges with
+/// hysteresis reverse more often than steps end. Larger: motions of many such laws take twice the time. Smaller: few laws are less accurate.
+pub const KINK_CROWD: usize = 8;
+/// Steps for which they are, at first; twice as many each time. Larger: as of a smaller `KINK_CROWD`. Smaller: as of a larger one.
+pub const CROWD_REST: usize = 64;
 /// Steps between two that are both at a kink by the noise of steps, to find it to rounding. Larger: noise is searched. Smaller: as of a
 /// larger `AT_KINK`.
 pub const KINK_POLISH: usize = 5;

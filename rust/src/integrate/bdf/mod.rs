@@ -521,6 +521,11 @@ impl Scheme for Bdf {
         self.kept_parts()
     }
 
+    /// Steps of order one behind every kink err more than those of a history that goes on across it, and steps of many parts hide kinks.
+    fn begins_well(&self) -> bool {
+        false
+    }
+
     fn reset(&mut self) {
         self.history = None;
         self.record = None;

@@ -1,0 +1,107 @@
+"""Steps by a tolerance end at kinks of laws: motions against their exact pieces, work, and laws that chatter."""
+
+from __future__ import annotations
+
+import mbrs as mb
+import motion_problems as zoo
+import numpy as np
+import pytest
+from kinked_motions import SCENES, stops
+
+ORDER_TWO = ["generalized-alpha", "ali3p"]
+# whose steps end at kinks, and those of histories that go on across them
+HIGH, ACROSS = ["explicit", "radau"], ["bdf", "bdf-bfgs"]
+# of kinks and their steps
+WORK = ("kinks met", "kinks passed over", "steps to kinks")
+
+
+def motion(scene, method, rtol):
+    traj = mb.simulate(scene.model, np.linspace(0, scene.t, 41), rtol=rtol, method=method)
+    error, counts = scene.error(traj), traj.stats.counts
+    print(
+        f"{method} at {rtol:.0e}: error {error:.1e}, said {traj.error:.1e}, {len(traj.steps) - 1} steps, "
+        f"{[counts.get(k, 0) for k in ('rejected steps', *WORK)]}"
+    )
+    return traj, error
+
+
+@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize("method", [*HIGH, *ORDER_TWO])
+@pytest.mark.parametrize("name", SCENES)
+def test_the_error_is_the_one_that_is_told(name, method, seed):
+    scene = SCENES[name](seed)
+    rtol = 1e-4 if method in ORDER_TWO else 1e-7
+    traj, error = motion(scene, method, rtol)
+    assert traj.stats.counts["kinks met"] > 2
+    assert error < 3 * traj.error + 1e-9
+
+
+def counts_of(law, method, **more):
+    """Two blocks on oblique rails, one behind the other, under a spring law or more."""
+    m = mb.Model("blocks", gravity=(1.0, -8.0, 3.0))
+    a = m.body("a", mass=2.0, inertia=(1.0, 1.2, 1.4), at=(0.1, 0.2, 0.3))
+    b = m.body("b", mass=1.0, inertia=(1.0, 1.2, 1.4), at=(0.4, 0.1, 0.3))
+    m.revolute("hinge", m.ground, a, at=(0.0, 0.3, 0.1), axis=(0.3, 0.5, 0.8))
+    m.revolute("elbow", a, b, at=(0.3, 0.0, 0.2), axis=(0.7, -0.2, 0.4), c=0.1, law=law)
+    traj = mb.simulate(m, 1.0, method=method, **more)
+    # the stop has tangents of its own
+    return {k: n for k, n in traj.stats.counts.items() if k not in (*WORK, "law tangents")}, traj.stats.counts
+
+
+@pytest.mark.parametrize("method", [*HIGH, *ACROSS, *ORDER_TWO])
+def test_a_stop_that_is_never_met_costs_no_evaluation(method):
+    rtol = 1e-4 if method in ORDER_TWO else 1e-7
+    spring = mb.Polynomial1D([0.0, 30.0])
+    plain, _ = counts_of([spring], method, rtol=rtol)
+    beside, all_counts = counts_of([spring, mb.Gap(1e5, 50.0)], method, rtol=rtol)
+    assert beside == plain
+    assert not any(all_counts.get(k, 0) for k in WORK)
+
+
+@pytest.mark.parametrize("method", [*HIGH, *ACROSS, *ORDER_TWO])
+def test_fixed_steps_are_those_that_were_asked_for(method):
+    scene = stops(3, stiff=100.0)
+    traj = mb.simulate(scene.model, scene.t, step=scene.t / 2000, method=method)
+    assert len(traj.steps) == 2001 and np.ptp(np.diff(traj.steps)) < 1e-9 * scene.t
+    assert not any(traj.stats.counts.get(k, 0) for k in WORK)
+
+
+@pytest.mark.parametrize("method", HIGH)
+@pytest.mark.parametrize("stiff", [1e4, 1e6])
+def test_stops_are_met_and_not_groped_for(stiff, method):
+    """A kink costs a few steps that are made again, not the many that shrink to it."""
+    problem = zoo.gap(stop=stiff)
+    counts = mb.simulate(problem.model, np.linspace(0, 2, 21), rtol=1e-8, method=method).stats.counts
+    print(f"{method}, {stiff:.0e}: {counts['steps']} steps, {[counts.get(k, 0) for k in ('rejected steps', *WORK)]}")
+    assert counts["kinks met"] > 5
+    assert counts["steps to kinks"] <= 4 * counts["kinks met"]
+
+
+def held_by_friction(law, push=0.5):
+    """A block that friction brings to rest on an oblique rail, and a weak push that lets it go again."""
+    axis = np.array([0.48, -0.6, 0.64])
+    m = mb.Model("brake")
+    b = m.body("block", mass=2.0, inertia=(1.0, 1.0, 1.0), at=(0.3, -0.2, 0.1), velocity=tuple(3.0 * axis))
+    m.prismatic("rail", m.ground, b, at=(0.3, -0.2, 0.1), axis=axis, law=law)
+    m.force("push", b, at=(0.3, -0.2, 0.1), value=[mb.Sine(push * 12.0 * a, 2.0) for a in axis])
+    return m
+
+
+@pytest.mark.parametrize("method", [*HIGH, *ORDER_TWO])
+def test_bristles_that_stick_and_quiver_end_no_countless_steps(method):
+    law = mb.LuGre(8.0, 10.0, 0.05, 1e5, 300.0, 0.4)
+    rtol = 1e-3 if method in ORDER_TWO else 1e-6
+    traj = mb.simulate(held_by_friction(law), 4.0, rtol=rtol, method=method, max_steps=200_000)
+    counts = traj.stats.counts
+    print(method, counts["steps"], [counts.get(k, 0) for k in ("rejected steps", *WORK)])
+    assert counts.get("steps to kinks", 0) < 100 + 0.2 * counts["steps"]
+
+
+@pytest.mark.parametrize("method", HIGH)
+def test_a_force_that_jumps_back_and_forth_does_not_hold_the_motion_up(method):
+    """Dry friction that would stick: the rate passes zero in every step, until the push is stronger."""
+    law = mb.FunctionLaw(lambda t, u, v: 8.0 * np.tanh(v / 1e-3) + 2.0 * np.where(v > 0, 1.0, -1.0))
+    traj = mb.simulate(held_by_friction(law, push=0.9), 2.0, rtol=1e-4, method=method, max_steps=300_000)
+    counts = traj.stats.counts
+    print(method, counts["steps"], [counts.get(k, 0) for k in ("rejected steps", *WORK)])
+    assert traj.status == "finished"
