@@ -41,6 +41,12 @@ pub const ROW_ROUNDING: f64 = 16.0;
 /// Also by `growth_counts_from_its_bound_on`.
 pub const NEUTRAL: f64 = 1e-9;
 
+/// Growth over the base frequency at which the search for the place where an exponent crosses the axis ends. Free of units. Too large: events
+/// are less accurate; too small: solutions with more harmonics that move them by less than their error. Pinned by
+/// `test_borders_do_not_depend_on_the_points_around_them`, from above, and `test_an_event_takes_few_solutions_with_more_harmonics`, from
+/// below.
+pub const CROSSED: f64 = 1e-11;
+
 /// A period that takes less than this part out of a change of a law's state leaves the state free. Free of units. Too large: weakly
 /// dissipating cycles keep the state of their start; too small: rounding of a thousand steps decides. Used by
 /// tests/nonlinear/test_state_laws.py. Not seen: these tests pass either way.
