@@ -10,7 +10,7 @@ import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeVar, dataclass_transform
+from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeVar, cast, dataclass_transform
 
 import numpy as np
 
@@ -101,23 +101,26 @@ def derived(*, dims: Sequence[str] = (), unit: str = "", label: str = "", name: 
     return mark
 
 
-class _Estimate:
-    """The field ``error`` of a result: a value, or a function of the result that computes it when it is first read."""
+class _Late:
+    """A field of a result: a value, or a function of the result that computes it when it is first read."""
+
+    def __init__(self, name: str, default: Any) -> None:
+        self.name, self.default = name, default
 
     def __repr__(self) -> str:
-        return "None"  # in signatures
+        return repr(self.default)  # in signatures
 
     def __get__(self, owner: Any, kind: Any = None) -> Any:
         if owner is None:
             return self
-        value = owner.__dict__.get("error")
+        value = owner.__dict__.get(self.name)
         if callable(value):
             value = value(owner)
-            owner.__dict__["error"] = value
+            owner.__dict__[self.name] = value
         return value
 
     def __set__(self, owner: Any, value: Any) -> None:
-        owner.__dict__["error"] = None if value is self else value
+        owner.__dict__[self.name] = self.default if value is self else value
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -131,12 +134,13 @@ class Result:
     error
         An estimate computed with the result (relative unless the class says otherwise), or when it is first read.
     status
-        A named reason. "converged" needs an estimate: without one the word is "computed".
+        A named reason. "converged" needs an estimate: without one the word is "computed". Where it depends on an estimate that is computed
+        when it is first read, so is the status.
     """
 
     stats: Stats = field(default_factory=Stats, kw_only=True)
-    error: Any = field(default=_Estimate(), kw_only=True)
-    status: str = field(default="converged", kw_only=True)
+    error: Any = field(default=_Late("error", None), kw_only=True)
+    status: str = field(default=cast(Any, _Late("status", "converged")), kw_only=True)
 
     # the dimension of the rows of `to_frame`; the attributes that label dimensions; the dimensions of `error`
     row: ClassVar[str] = ""
@@ -144,8 +148,8 @@ class Result:
     error_dims: ClassVar[tuple[str, ...]] = ()
 
     def __post_init__(self) -> None:
-        error = self.__dict__.get("error")
-        if self.status == "converged" and not callable(error):
+        error, status = self.__dict__.get("error"), self.__dict__.get("status")
+        if status == "converged" and not callable(error):
             if error is None or np.size(error) == 0:
                 object.__setattr__(self, "status", "computed")
             elif math.isnan(error) if type(error) is float else np.isnan(np.asarray(error, dtype=float)).any():
@@ -300,11 +304,14 @@ class Result:
         state = {f.name: self.__dict__[f.name] for f in dataclasses.fields(self)}
         if callable(state["error"]) and not isinstance(state["error"], functools.partial):
             state["error"] = None  # a closure of this process
+        if callable(state["status"]):
+            state["status"] = "computed" if state["error"] is None else self.status
         return state
 
     def replaced(self, **changes: object) -> Self:
         """A copy with other fields; an estimate that was not asked for yet stays so."""
-        return dataclasses.replace(self, **{"error": self.__dict__["error"], **changes})
+        late = {name: self.__dict__[name] for name in ("error", "status")}
+        return dataclasses.replace(self, **{**late, **changes})
 
     def __getstate__(self) -> dict[str, Any]:
         return self.data_state()

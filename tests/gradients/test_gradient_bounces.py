@@ -1,5 +1,6 @@
 """Gradients of a ball that bounces on a stiff spring, against closed forms piece by piece, differentiated by complex steps."""
 
+import pickle
 import warnings
 
 import mbrs as mb
@@ -114,7 +115,8 @@ def check(ball, scheme, steps, bound):
             warnings.simplefilter("error", KinkWarning)
             off, found = ball.off(m, scheme, method, **steps)
         print(f"{scheme} {method} {steps}: {off:.1e}, said {found.error:.1e}, {len(found.t) - 1} steps, {found.status}")
-        assert found.status == "converged"
+        asked = 0.3 if "step" in steps else np.sqrt(steps.get("rtol", 1e-7))
+        assert found.status == ("converged" if found.error <= asked else "unresolved")
         assert off < bound
         assert off <= 3.0 * found.error + PLACED * ball.stiff
 
@@ -148,6 +150,21 @@ def test_fixed_steps_behind_bounces(scheme, seed):
         check(ball, scheme, {"step": np.pi / np.sqrt(k / mass) / parts}, np.inf)
 
 
+@pytest.mark.parametrize("scheme", ["ali3p", "bdf", "explicit"])
+@pytest.mark.parametrize("first", ["status", "error", None])
+def test_what_errs_by_more_than_was_asked_is_not_called_converged(scheme, first):
+    """Whatever is read first; a file tells what was known when it was saved."""
+    ball = Ball(3, 1e6, damped=False, bounces=1)
+    off, found = ball.off(ball.model(), scheme, "direct", rtol=1e-3)
+    if first is not None:
+        getattr(found, first)
+    kept = pickle.loads(pickle.dumps(found))
+    good = scheme == "explicit"
+    assert (off < 1e-3) == good
+    assert found.status == ("converged" if good else "unresolved")
+    assert kept.status == (found.status if first else "computed")
+
+
 def by_mass(ball, law, scheme="explicit", **steps):
     objective = mb.Final(lambda s: sum(float(a) * x for a, x in zip(ball.axis, s.position("ball"), strict=True)))
     return mb.gradient(ball.model(law), objective, "ball.mass", t=ball.end, scheme=scheme, **steps)
@@ -170,7 +187,7 @@ def test_a_power_that_has_no_value_beyond_its_kink():
         by_mass(ball, law, rtol=1e-9)
         for law in (mb.Hertz(k, 1.5, drop), mb.FunctionLaw(lambda t, u, v: k * np.maximum(u - drop, 0.0) ** 1.5))
     ]
-    assert [f.status for f in found] == ["converged"] * 2
+    assert all(0.0 < f.error < 1e-4 and not f.kinks for f in found)
     assert found[0].gradient == pytest.approx(found[1].gradient, rel=1e-4)
 
 

@@ -90,3 +90,59 @@ def test_converged_is_a_claim_about_the_forces(seed):
     else:
         assert eq.status == "unresolved" and eq.residual > 1e-9 and any("rounding of places" in s for s in eq.doubts)
         assert eq.residual > 1e-9 and eq.error < 1e-9
+
+
+def sprung_door(rng):
+    """A heavy body on an oblique hinge far from the origin, held by a stiff spring at a short lever, in random units, and the 50-digit
+    moment about the hinge. Invented data."""
+    unit, force = 10.0 ** rng.uniform(-3, 3, 2)
+    far = rng.normal(size=3) * 10.0 ** rng.uniform(0, 4) * unit
+    axis, down = rng.normal(size=(2, 3))
+    lever, stiff = 10.0 ** rng.uniform(-2, 0), 10.0 ** rng.uniform(1, 9)
+    centre, end = far + unit * rng.normal(size=3), far + lever * unit * rng.normal(size=3)
+    start = end + unit * rng.normal(size=3)
+    k, rest = stiff * force / unit, float(np.linalg.norm(end - start)) * rng.uniform(0.9, 1.1)
+    m = mb.Model("door", gravity=tuple(down * force))
+    b = m.body("b", mass=1.0, inertia=np.full(3, 0.1 * unit**2), at=centre)
+    m.revolute("h", m.ground, b, at=far, axis=axis)
+    m.spring_damper("s", m.ground, b, at=(start, end), k=k, length=rest)
+
+    def exact(v):
+        return mp.matrix([mp.mpf(float(x)) for x in v])
+
+    def dot(u, v):
+        return mp.fdot(u, v)
+
+    def cross(u, v):
+        return mp.matrix([u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]])
+
+    a = exact(axis) / mp.norm(exact(axis))
+    weight, arms = exact(down * force), [exact(p) - exact(far) for p in (centre, end)]
+    anchor, length = exact(start) - exact(far), mp.mpf(rest)
+
+    def moment(angle):
+        c, e = (p * mp.cos(angle) + cross(a, p) * mp.sin(angle) + a * (dot(a, p) * (1 - mp.cos(angle))) for p in arms)
+        along = e - anchor
+        pull = mp.mpf(k) * (mp.norm(along) - length) / mp.norm(along)
+        return dot(a, cross(c, weight) - cross(e, along) * pull) / (mp.mpf(force) * mp.mpf(unit))
+
+    return m, moment
+
+
+@pytest.mark.exact
+@pytest.mark.parametrize("seed", [*range(10), *(pytest.param(s, marks=pytest.mark.slow) for s in range(10, 100))])
+def test_the_error_of_a_stiff_spring_far_away_is_stated(seed):
+    """Against 50 digits: the stated error is at least a third of the true one, and no more than the rounding of places explains."""
+    if jitter.level():
+        pytest.skip("noise on far places moves points")
+    with mp.workdps(50):
+        m, moment = sprung_door(np.random.default_rng([62, seed]))
+        eq = mb.equilibrium(m)
+        angle = float(eq.state.q[0])
+        true = abs(float(mp.findroot(moment, angle, tol=1e-60) - mp.mpf(angle)))
+    print(
+        f"true {true:.1e}, stated {eq.error:.1e}, residual {eq.residual:.1e}, {eq.status}, {eq.iterations} iterations"
+    )
+    assert true <= 3 * eq.error
+    assert eq.error < 1e-7 and eq.iterations < 100
+    assert (eq.status == "converged") == (eq.residual <= 1e-9)

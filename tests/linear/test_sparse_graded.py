@@ -79,3 +79,34 @@ def test_stiff_modes_beside_constraints(ratio):
         assert np.all(off <= r["error"] + 1e-12) and r["error"].max() < 1e-10
         with pytest.raises(_core.CoreModelError, match=f"leave {n - 2}"):
             _core.mixed_modes(arrays(sp.identity(n)), A, n - 1)
+
+
+@pytest.mark.parametrize("damping", [0.0, 0.03])
+def test_a_chain_on_a_soft_spring_beside_a_free_one(damping):
+    """Assembled, in random units: whatever the spring, the rigid motion and the soft one are told, the damped roots by C = d K."""
+    rng = np.random.default_rng(4)
+    for power in np.r_[rng.uniform(-11, -3, size=24), np.log10([3e-8, 1e-8, 3e-9, 1e-9])]:
+        n, k, mass, stiffness = (
+            int(rng.integers(25, 90)),
+            10.0**power,
+            10.0 ** rng.uniform(-6, 6),
+            10.0 ** rng.uniform(-6, 6),
+        )
+        G, free = springs(n, True), springs(n, False)
+        K = stiffness * sp.block_diag([G.T @ sp.diags(np.r_[k, np.ones(n - 1)]) @ G, free.T @ free])
+        M, unit = mass * sp.identity(2 * n), np.sqrt(stiffness / mass)
+        exact = np.sort(np.r_[held_by(k, n), chain_eigenvalues(n, 5, False)])[:5]
+        if damping:
+            r = _core.sparse_modes(arrays(M), arrays(damping / unit * K), arrays(K), 4)
+            found = r["eigenvalue"] / unit
+            wanted = -0.5 * damping * exact + 1j * np.sqrt(exact - (0.5 * damping * exact) ** 2)
+        else:
+            r = _core.sparse_modes(arrays(M), None, arrays(K), 4)
+            found, wanted = r["lambda"] / unit**2, exact
+        off = np.abs(found[1:] / wanted[1:4] - 1.0)
+        print(
+            f"n {n}, k {k:.1e}: {off.max():.1e}, errors {r['error'][1:].max():.1e}, rigid {r['rigid']}, {r['counts']}"
+        )
+        assert r["rigid"] == 1 and found[0] == 0.0
+        assert np.all(off <= 10 * r["error"][1:] + 1e-10)
+        assert off[1:].max() < 1e-6

@@ -218,6 +218,16 @@ def test_borders_do_not_depend_on_the_points_around_them(top):
     assert np.allclose(borders[0], borders[3], rtol=0.1 * max(curves[0].error))
 
 
+@pytest.mark.parametrize("span, most", [((0.7, 0.72), 44), ((1.1, 0.8), 6)])
+def test_an_event_takes_few_solutions_with_more_harmonics(span, most):
+    """Most where a stop is first met, beside which the multipliers jump like a root."""
+    data = (*VS, odd(21), span)
+    (event,) = (e for e in response(data).events if e.exponent is not None)
+    work = [response(data, events=events).stats.counts["refinements"] for events in (False, True)]
+    assert event.kind == "branch-point" and abs(event.exponent.real) < 1e-7 * event.omega
+    assert work[1] - work[0] <= most
+
+
 @pytest.mark.parametrize("top", [7, 11])
 def test_curves_without_doubt_do_no_more_work(top):
     rng = np.random.default_rng(top)

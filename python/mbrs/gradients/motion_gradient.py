@@ -39,8 +39,10 @@ class MotionGradient(Result):
         "direct" or "adjoint".
     kinks
         ``(t, element, what)`` of kinks of forces at which no step ended (a slider that begins or ceases to slide, friction that
-        changes its sign within a step, a force that jumps): the gradient ignores them and is first-order accurate there; ``status`` is then
-        "kinks" instead of "converged".
+        changes its sign within a step, a force that jumps): the gradient ignores them and is first-order accurate there.
+    status
+        "converged"; "unresolved" where ``error`` exceeds the root of ``rtol``, half of the digits that were asked of the motion, or
+        .3 with fixed steps; "kinks" where there are such; "computed" without an estimate. Like ``error`` it is made when first asked for.
     growth
         How many times larger the relative changes of what the objectives read are than those of the parameters, at most. It grows
         without bound where a motion is chaotic; from 1e4 on there is a warning.

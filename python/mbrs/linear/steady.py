@@ -36,10 +36,10 @@ if TYPE_CHECKING:
 
 _MAX_ITERATIONS = 60
 _LEAST_AZIMUTHS, _MOST_AZIMUTHS = 5, 999
-# Rounding of a force, in units of eps times the sizes of what was added up for it and the distance from the origin. Larger: the search
-# ends early. Smaller: stiff rotors far from the origin, or drawn with noise in the last digits, have no steady motion.
-# Pinned by tests/truth/test_steady_rotation.py with jitter.
-_PLACES = 4.0
+# Rounding of a force, in units of eps times the sizes of what was added up for it; that of places, with the arms of forces and the strains
+# of springs, comes beside it. Larger: the search ends early. Smaller: stiff rotors that are drawn with noise in the last digits have no
+# steady motion. Pinned by tests/truth/test_steady_rotation.py with jitter.
+_ENTRY = 4.0
 # Residual force, relative to the forces at work, beyond which a motion is not called converged; and the forces, over the stiffness
 # times a radian or a characteristic length, below which a model counts as unloaded. As of equilibria (rust/src/tolerances.rs).
 _BALANCED, _UNLOADED = 1e-9, 1e-11
@@ -413,7 +413,8 @@ def _solve(
             S = _carried_stiffness(r, spin, rate, place)[np.ix_(still, still)]
             step[still] = unit * _newton(S * np.outer(unit, unit), residual, forces)
             natural = np.sum(np.abs(S * np.outer(unit, unit)), axis=1)
-            explained = np.abs(residual) <= _rounding(snapshot, q) * (forces + natural)
+            own = _ENTRY * np.finfo(float).eps * (forces + natural)
+            explained = np.abs(residual) <= own + r["hidden_forces"][still] * unit
             unloaded = explained & (forces <= _UNLOADED * np.max(natural))
             balanced = bool(np.all(unloaded | (np.abs(residual) <= _BALANCED * forces)))
         else:
@@ -435,14 +436,6 @@ def _solve(
         f"no steady motion of {snapshot.model.name!r} was found at these speeds within {_MAX_ITERATIONS} iterations; approach them in "
         "steps (at= takes a slower steady motion)"
     )
-
-
-def _rounding(snapshot: Snapshot, q: np.ndarray) -> float:
-    """Rounding of places, and with them of arms and strains, over the characteristic length; as in the search for equilibria."""
-    with core_errors():
-        place = snapshot.system.bodies(q, np.zeros(0))["position"]
-    far = float(np.max(np.linalg.norm(place, axis=1), initial=0.0)) / float(snapshot.system.characteristic_length)
-    return float(_PLACES * np.finfo(float).eps * (1.0 + far))
 
 
 def _natural_size(r: dict[str, Any], step: np.ndarray, length: float) -> float:

@@ -11,6 +11,7 @@ use nalgebra::DVector;
 
 use crate::error::{Error, Result};
 use crate::integrate::{Equations, Motion};
+use crate::linearize::strain_rows::{Element, elements};
 use crate::multibody::System;
 use crate::multibody::assemble::Effects;
 use crate::multibody::connector::{Wanted, load_interaction};
@@ -43,6 +44,16 @@ impl Level {
         });
         self.stored - before.stored - work.sum::<f64>()
     }
+}
+
+/// The energy of an element that rounding of places may make: the work of its forces along what it makes of the strains, and their own.
+fn hidden(element: &Element) -> f64 {
+    let n = element.gradients.len();
+    let along = |i: usize| {
+        let stretched = (0..n).map(|j| element.k[i][j].abs() * element.rounding[j]).sum::<f64>();
+        (element.force[i].abs() + stretched) * element.rounding[i]
+    };
+    (0..n).map(along).sum()
 }
 
 pub struct Descent<'s> {
@@ -78,7 +89,8 @@ impl<'s> Descent<'s> {
         };
         Level {
             stored: stored.sum::<f64>() + energies.gravity,
-            rounding: f64::EPSILON * (energies.elements.len() + self.system.n_bodies()) as f64 * size,
+            rounding: f64::EPSILON * (energies.elements.len() + self.system.n_bodies()) as f64 * size
+                + elements(self.system, &placement, self.effects).iter().map(hidden).sum::<f64>(),
             loads: (0..topology.tables.loads.len()).map(load).collect(),
         }
     }

@@ -6,6 +6,7 @@ use nalgebra::{DMatrix, DVector};
 use crate::constraint::closure::close;
 use crate::constraint::loops::column_scales;
 use crate::error::{Error, Result};
+use crate::linearize::force_rounding::force_rounding;
 use crate::linearize::{Linearization, Setting, linearize, stiffness_terms};
 use crate::multibody::System;
 use crate::multibody::assemble::Effects;
@@ -98,11 +99,22 @@ impl Local {
         r.iter().zip(&self.sizes).map(|(r, size)| (r / size).powi(2)).sum::<f64>().sqrt()
     }
 
-    /// What is left over may be rounding of the places of bodies, and with them of arms and of the lengths of springs.
-    pub(crate) fn is_rounding(&self) -> bool {
-        let unit = ENTRY_ROUNDING * f64::EPSILON * (1.0 + self.far);
-        let noise = |i: usize| unit * (self.sizes[i] + self.k.row(i).iter().map(|k| k.abs()).sum::<f64>());
-        (0..self.r.len()).all(|i| self.r[i].abs() <= noise(i))
+    /// What rounding of the places of bodies may make of the forces, with it of arms and of the strains of springs: (dof, sources).
+    pub(crate) fn rounding(&self, setting: &Setting<'_>) -> DMatrix<f64> {
+        let mut sources = force_rounding(setting, &self.linearization);
+        for (mut row, scale) in sources.row_iter_mut().zip(&self.scale) {
+            row *= *scale;
+        }
+        sources
+    }
+
+    /// Whether what is left over may be that, or rounding of the coordinates and of the directions of forces.
+    pub(crate) fn is_rounding(&self, setting: &Setting<'_>) -> bool {
+        let sources = self.rounding(setting);
+        let sum = |m: &DMatrix<f64>, i: usize| m.row(i).iter().map(|v| v.abs()).sum::<f64>();
+        let unit = ENTRY_ROUNDING * f64::EPSILON;
+        let own = |i: usize| unit * (self.sizes[i] + (1.0 + self.far) * sum(&self.k, i));
+        (0..self.r.len()).all(|i| self.r[i].abs() <= own(i) + sum(&sources, i))
     }
 
     /// Coordinates along which more is left over than a balance may leave of the forces at work, if there are any.
@@ -157,17 +169,6 @@ impl Spectrum {
     pub(crate) fn push(&self, k: usize, r: &DVector<f64>) -> f64 {
         let v = self.vectors.column(k);
         v.dot(r).abs() / (v.norm() * self.forces[k])
-    }
-
-    /// The largest displacement that this part of the forces, in no particular direction, makes.
-    pub(crate) fn answer_to(&self, part: f64) -> f64 {
-        let square = |i: usize| -> f64 {
-            let softness = |k: usize| {
-                self.vectors[(i, k)] / self.values[k] * self.vectors.column(k).norm() * part * self.forces[k]
-            };
-            (0..self.values.len()).filter(|k| self.is_held(*k)).map(|k| softness(k).powi(2)).sum()
-        };
-        (0..self.values.len()).map(square).fold(0.0, f64::max).sqrt()
     }
 
     /// No stiffness is negative beyond rounding.

@@ -9,10 +9,10 @@ pub mod follow;
 pub mod local;
 pub mod steering;
 
-use nalgebra::DVector;
+use nalgebra::{DMatrix, DVector};
 
 use crate::equilibrium::descent::{Descent, same_coordinates};
-use crate::equilibrium::local::{LONGEST_STEP, Local, Spectrum, moved, spectrum};
+use crate::equilibrium::local::{LONGEST_STEP, Local, Spectrum, moved, nan_or_larger, spectrum};
 use crate::equilibrium::steering::steering_joints;
 use crate::error::{Error, Result};
 use crate::linearize::{Linearization, Setting, linearize};
@@ -20,14 +20,12 @@ use crate::multibody::System;
 use crate::multibody::assemble::Effects;
 use crate::multibody::placement::State;
 use crate::run::{Cancel, Counts};
-use crate::tolerances::equilibrium::{BALANCED, CLOSE, NEARLY_BALANCED, PUSHED, SETTLED};
+use crate::tolerances::equilibrium::{BALANCED, CLOSE, NEARLY_BALANCED, PUSHED, SETTLED, USUAL};
 
 const MAX_ITERATIONS: usize = 400;
 /// Iterations, and steps that were shortened, after which descent in energy takes over from Newton's method.
 const QUICK: usize = 40;
 const SHORTENED: u64 = 12;
-/// What rounding usually leaves of a balance of forces, and of a pose, relative to their sizes.
-const ROUNDING: f64 = 0.05 * f64::EPSILON;
 /// Iterations that a force may push along a direction without stiffness before that is an error.
 const PATIENCE: usize = 25;
 /// A saddle that the search ran into is left by a push of this size downhill, at most so many times.
@@ -73,7 +71,7 @@ pub fn equilibrium(
         return search(system, start, effects, cancel, counts);
     }
     let still = State { q: start.q.clone(), rate: Vec::new() };
-    let setting = Setting { system, state: &still, memory: &[], acceleration: &[], effects };
+    let setting = at_rest(system, &still, effects);
     let edges = linearize(&setting, counts).map_or_else(|_| Vec::new(), |made| steering_joints(&setting, &made));
     let free = Effects { nonholonomic: false, ..effects };
     if edges.is_empty() {
@@ -111,34 +109,47 @@ fn search(
         cancel.check()?;
         counts.add("equilibrium iterations", 1);
         let residual = local.unbalance();
-        if residual < best.0 {
+        let falls = residual < best.0;
+        if falls {
             best = (residual, state.clone());
         }
         let spectrum = spectrum(&local)?;
         // no stiffness against a force: relax, since it may come with the motion (a pendulum drawn level); where it does not
         // come, nothing restrains the model
-        if pushed_freely(&local, &spectrum) {
+        let freely = pushed_freely(&local, &spectrum);
+        if freely {
             pushed += 1;
             sigma = f64::max(sigma, initial_sigma(&local));
             if pushed > PATIENCE {
                 return Err(unrestrained(system, &local, &spectrum));
             }
         }
-        let step = newton_step(&local, &spectrum, sigma)?;
+        // where Newton's step is short relaxation has done its work
+        let short = |step: &DVector<f64>| sigma == 0.0 || !freely && step.amax() <= CLOSE;
+        let plain = newton_step(&local, &spectrum, 0.0).ok().filter(short);
+        if plain.is_some() {
+            sigma = 0.0;
+        }
+        let step = plain.map_or_else(|| newton_step(&local, &spectrum, sigma), Ok)?;
         // of such a step the square is left
         let near = residual <= NEARLY_BALANCED && step.amax() <= f64::EPSILON.sqrt();
         let done = residual <= BALANCED || step.amax() <= BALANCED || near;
-        if done || local.is_rounding() {
+        // rounding of places bounds what is left: a part whose forces it hides is followed while it falls
+        let followed = falls && local.unresolved().is_some();
+        if done || !followed && local.is_rounding(&at_rest(system, &state, effects)) {
             if residual > 4.0 * f64::EPSILON && residual.is_finite() {
                 // one last step costs nothing and takes the iterate to rounding level
                 let polished = moved(system, &state, &local, &step, 1.0, effects, counts)?;
                 let next = Local::at(system, &polished, effects, counts)?;
                 let left = next.unbalance();
-                if left <= residual {
+                // rounding in stiff parts hides in the forces what soft ones have still to go
+                let shorter = same_coordinates(system, &local, &next)
+                    && newton_answer(&local, &spectrum, &next.r).is_ok_and(|s| s.amax() < SETTLED * step.amax());
+                if left <= residual || shorter {
                     state = polished;
                     local = next;
                 }
-                if !done && left < SETTLED * residual {
+                if !done && (left < SETTLED * residual || shorter) {
                     continue;
                 }
             }
@@ -153,7 +164,7 @@ fn search(
                 sigma = 0.0;
                 continue;
             }
-            return finish(system, state, local, iteration);
+            return finish(system, state, local, effects, iteration);
         }
         if careful
             && step.amax() > CLOSE
@@ -229,6 +240,12 @@ fn newton_step(local: &Local, spectrum: &Spectrum, sigma: f64) -> Result<DVector
 }
 
 fn newton_answer(local: &Local, spectrum: &Spectrum, r: &DVector<f64>) -> Result<DVector<f64>> {
+    let all = newton_answers(local, spectrum, &DMatrix::from_column_slice(r.len(), 1, r.as_slice()))?;
+    Ok(all.column(0).into_owned())
+}
+
+/// The same for each column of forces.
+fn newton_answers(local: &Local, spectrum: &Spectrum, r: &DMatrix<f64>) -> Result<DMatrix<f64>> {
     // K itself where it leads downhill anyway; its symmetric part where that decides about up and down
     let definite = (0..spectrum.values.len()).all(|k| spectrum.values[k] > spectrum.none[k]);
     if !local.conservative() && (definite || !local.may_be_conservative()) {
@@ -237,14 +254,11 @@ fn newton_answer(local: &Local, spectrum: &Spectrum, r: &DVector<f64>) -> Result
             Error::singular("the tangent stiffness is singular under follower loads; restrain the model")
         });
     }
-    let mut step = DVector::zeros(r.len());
-    for (k, value) in spectrum.values.iter().enumerate() {
-        if spectrum.is_held(k) {
-            let v = spectrum.vectors.column(k);
-            step -= v * (v.dot(r) / value.abs());
-        }
+    let mut along = spectrum.vectors.tr_mul(r);
+    for (k, mut row) in along.row_iter_mut().enumerate() {
+        row *= if spectrum.is_held(k) { -1.0 / spectrum.values[k].abs() } else { 0.0 };
     }
-    Ok(step)
+    Ok(&spectrum.vectors * along)
 }
 
 /// One accepted step: full or shortened, or of the relaxation; the flag says which.
@@ -344,7 +358,17 @@ fn unrestrained(system: &System, local: &Local, spectrum: &Spectrum) -> Error {
     ))
 }
 
-fn finish(system: &System, state: State, local: Local, iterations: usize) -> Result<Equilibrium> {
+fn at_rest<'a>(system: &'a System, state: &'a State, effects: Effects) -> Setting<'a> {
+    Setting { system, state, memory: &[], acceleration: &[], effects }
+}
+
+/// The displacement that rounding usually makes, each source in no particular direction.
+fn hidden(local: &Local, spectrum: &Spectrum, sources: &DMatrix<f64>) -> Result<f64> {
+    let moved = newton_answers(local, spectrum, sources)?;
+    Ok(USUAL * moved.row_iter().map(|row| row.norm()).fold(0.0, nan_or_larger))
+}
+
+fn finish(system: &System, state: State, local: Local, effects: Effects, iterations: usize) -> Result<Equilibrium> {
     let spectrum = spectrum(&local)?;
     let mut free_directions = Vec::new();
     for k in (0..spectrum.values.len()).filter(|k| !spectrum.is_held(*k)) {
@@ -354,7 +378,10 @@ fn finish(system: &System, state: State, local: Local, iterations: usize) -> Res
         free_directions.push(direction_names(system, &local, &spectrum.vectors.column(k).into_owned()));
     }
     let step = newton_step(&local, &spectrum, 0.0).map_or(f64::NAN, |s| s.amax());
-    let error = step + spectrum.answer_to(ROUNDING) + ROUNDING * (1.0 + local.far);
+    let sources = local.rounding(&at_rest(system, &state, effects));
+    // places themselves are rounded to half of their last digits
+    let places = 0.25 * f64::EPSILON * local.far;
+    let error = step + hidden(&local, &spectrum, &sources).unwrap_or(f64::NAN) + places;
     let stable = spectrum.stable();
     let residual = local.unbalance();
     let unresolved = local.unresolved().map(|left| direction_names(system, &local, &left));

@@ -224,7 +224,7 @@ impl Equations<'_, f64> {
                 let far = unit * (1.0 + self.far);
                 out.extend(l.kinds().map(|kind| {
                     let place = if kind == Kind::Value(Crossing::State) { state } else { far };
-                    let [rounding, rounding_of_rate] = [place, far].map(|x| ENTRY_ROUNDING * x);
+                    let [rounding, rounding_of_rate] = [place, far].map(|x| ENTRY_ROUNDING * f64::EPSILON * x);
                     SharpKink { owner: c.owner, kind, acts: l.acts, rounding, rounding_of_rate }
                 }));
             }

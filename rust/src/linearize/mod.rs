@@ -7,6 +7,7 @@
 //! D'' = B''^T (D B'' + 2 M B''') and S'' = B''^T (S B'' + D B''' + M B''''), dots by second-order dual numbers in time.
 //! Velocity rows about a moving state: see `rolling`.
 pub mod air_states;
+pub mod force_rounding;
 mod loaded;
 pub mod model_modes;
 pub mod parts;
@@ -167,6 +168,12 @@ impl Setting<'_> {
     pub(crate) fn rate<T: Real>(&self) -> Option<Vec<T>> {
         self.state.moving().then(|| self.state.rate.iter().map(|r| T::from(*r)).collect())
     }
+
+    /// What is assembled there; accelerations are left out.
+    fn scene<'a>(&'a self, placement: &'a Placement<f64>, rate: Option<&'a [f64]>) -> Scene<'a, f64> {
+        let system = self.system;
+        Scene { memory: self.memory, rate, ..scene_at_rest(system, placement, self.effects) }
+    }
 }
 
 /// Rows of tree coordinates in y' = B'' z' + first z, y" = B'' z" + rate z' + second z; of closed loops first = B''',
@@ -215,17 +222,7 @@ fn check_directions(system: &System, scene: &Scene<'_, f64>) -> Result<()> {
 pub fn mobility(setting: &Setting<'_>) -> Result<Option<LoopBlocks>> {
     let system = setting.system;
     let placement = place(&system.topology, &system.geometry, &setting.state.q, None);
-    let scene = Scene {
-        topology: &system.topology,
-        geometry: &system.geometry,
-        x: &system.x,
-        memory: &[],
-        placement: &placement,
-        rate: None,
-        acceleration: None,
-        t: 0.0,
-        effects: setting.effects,
-    };
+    let scene = scene_at_rest(system, &placement, setting.effects);
     check_directions(system, &scene)?;
     if system.topology.rows.is_empty() {
         return Ok(None);
@@ -243,17 +240,7 @@ pub fn linearize(setting: &Setting<'_>, counts: &mut Counts) -> Result<Lineariza
     let topology = &*system.topology;
     let rate = setting.rate::<f64>();
     let placement = place(topology, &system.geometry, &setting.state.q, rate.as_deref());
-    let mut scene = Scene {
-        topology,
-        geometry: &system.geometry,
-        x: &system.x,
-        memory: setting.memory,
-        placement: &placement,
-        rate: rate.as_deref(),
-        acceleration: None,
-        t: 0.0,
-        effects: setting.effects,
-    };
+    let mut scene = setting.scene(&placement, rate.as_deref());
     if let Some(name) = scene.changing_constraint().filter(|_| rate.is_some()) {
         return Err(Error::model(format!(
             "constraint '{name}' changes with time by itself, or its derivatives were given: about a state that moves there are no constant \

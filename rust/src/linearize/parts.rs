@@ -8,7 +8,7 @@
 use nalgebra::DMatrix;
 
 use crate::error::{Error, Result};
-use crate::linearize::strain_rows::{Clear, clear_strains};
+use crate::linearize::strain_rows::{Clear, clear_strains, stiffest};
 use crate::linearize::{Linearization, Setting};
 use crate::model::layout::bushing;
 use crate::multibody::placement::place;
@@ -148,10 +148,12 @@ fn is_rounding(part: &DMatrix<f64>, size: impl Fn(usize, usize) -> f64) -> bool 
     !(0..part.ncols()).any(|j| (0..part.nrows()).any(|i| clear(i, j)))
 }
 
-/// Entries of K at rest that may be rounding: those far below what their coordinates could have.
-fn suspicious(k: &DMatrix<f64>, reach: &[f64], forces: &[f64]) -> Vec<(usize, usize)> {
+/// Entries of K at rest that may be rounding: those far below what their coordinates could have, by other coordinates and by the stiffest
+/// of the elements.
+fn suspicious(k: &DMatrix<f64>, reach: &[f64], forces: &[f64], stiffest: f64) -> Vec<(usize, usize)> {
     let n = k.nrows();
-    let natural = (0..n).filter(|i| reach[*i] > 0.0).map(|i| k[(i, i)].abs() / reach[i].powi(2)).fold(0.0, f64::max);
+    let own = (0..n).filter(|i| reach[*i] > 0.0).map(|i| k[(i, i)].abs() / reach[i].powi(2));
+    let natural = own.fold(stiffest, f64::max);
     let mut found = Vec::new();
     for j in 0..n {
         for i in 0..=j {
@@ -167,8 +169,9 @@ fn suspicious(k: &DMatrix<f64>, reach: &[f64], forces: &[f64]) -> Vec<(usize, us
 /// Takes entries of rounding out of K at rest.
 fn drop_rounding(setting: &Setting<'_>, made: &Linearization, (reach, forces): (&[f64], &[f64]), k: &mut DMatrix<f64>) {
     let of_forces = |i: usize, j: usize| ENTRY * f64::EPSILON * forces[i] * forces[j];
-    let (mut rounding, open): (Vec<_>, Vec<_>) =
-        suspicious(k, reach, forces).into_iter().partition(|(i, j)| k[(*i, *j)].abs() <= of_forces(*i, *j));
+    let (mut rounding, open): (Vec<_>, Vec<_>) = suspicious(k, reach, forces, stiffest(setting))
+        .into_iter()
+        .partition(|(i, j)| k[(*i, *j)].abs() <= of_forces(*i, *j));
     if !open.is_empty() {
         let mut columns: Vec<usize> = open.iter().flat_map(|(i, j)| [*i, *j]).collect();
         columns.sort_unstable();

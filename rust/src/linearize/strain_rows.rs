@@ -1,25 +1,28 @@
 //! Strains of elastic elements by the coordinates, e = w y, and the size of the terms that were added up in each entry of w.
 use nalgebra::{DMatrix, DVectorView};
 
+use crate::joint::Coordinate;
 use crate::linearize::{Linearization, Setting};
 use crate::multibody::System;
 use crate::multibody::assemble::Effects;
 use crate::multibody::connector::coordinate_tangent;
 use crate::multibody::numbers::Numbers;
 use crate::multibody::placement::{Placement, place};
-use crate::multibody::topology::Owner;
+use crate::multibody::topology::{Connector, Owner};
 use crate::multibody::wanted::Wanted;
 use crate::spatial::{Six, V3};
 use crate::tolerances::constraints::{CLOSED_ENOUGH, POSE_ROUNDING};
 
 /// One elastic element: its bodies (None: ground), its point in the world, the gradients of its strains by the relative twist there, and
-/// its stiffness over them, the slopes of its laws included.
+/// the forces along them, its stiffness over them, the slopes of its laws included, and what rounding of places may make of each strain.
 pub struct Element {
     pub owner: Owner,
     pub bodies: [Option<usize>; 2],
     pub point: V3<f64>,
     pub gradients: Vec<Six<f64>>,
+    pub force: [f64; 6],
     pub k: [[f64; 6]; 6],
+    pub rounding: Vec<f64>,
 }
 
 /// Twists T (6 n_bodies, dof) of the bodies' origins by the coordinates, world axes, and their positions.
@@ -42,9 +45,41 @@ pub fn elements(system: &System, placement: &Placement<f64>, effects: Effects) -
     let (topology, geometry) = (&*system.topology, &*system.geometry);
     let one = |c| {
         let made = coordinate_tangent(topology, geometry, placement, numbers, c, wanted);
-        Element { owner: c.owner, bodies: [c.a, c.b], point: made.point, gradients: made.gradients, k: made.k }
+        let (gradients, rounding) = (made.gradients, made.rounding);
+        Element {
+            owner: c.owner,
+            bodies: [c.a, c.b],
+            point: made.point,
+            gradients,
+            force: made.force,
+            k: made.k,
+            rounding,
+        }
     };
     topology.connectors.iter().map(one).collect()
+}
+
+/// The largest stiffness of an elastic element or joint over a radian or the characteristic length, those of laws as they are at rest.
+pub fn stiffest(setting: &Setting<'_>) -> f64 {
+    let (system, topology) = (setting.system, &*setting.system.topology);
+    let given = |c: &Connector| {
+        let n = c.coordinates.len();
+        let own = |(i, coordinate): (usize, &Coordinate)| {
+            let k = c.k.map_or(0.0, |k| system.x[k + if c.full { i * (n + 1) } else { i }]);
+            k.abs() * if coordinate.is_length() { system.length * system.length } else { 1.0 }
+        };
+        c.coordinates.iter().enumerate().map(own).fold(0.0, f64::max)
+    };
+    let linear = topology.connectors.iter().map(given).fold(0.0, f64::max);
+    if !topology.connectors.iter().any(Connector::has_laws) {
+        return linear;
+    }
+    let placement = place(topology, &system.geometry, &setting.state.q, None);
+    let slope = |e: &Element| {
+        let size = |g: &Six<f64>| g.l.norm() * system.length + g.a.norm();
+        (0..e.gradients.len()).map(|i| e.k[i][i].abs() * size(&e.gradients[i]).powi(2)).fold(0.0, f64::max)
+    };
+    elements(system, &placement, setting.effects).iter().map(slope).fold(linear, f64::max)
 }
 
 /// Rows and sizes for some of the coordinates.

@@ -16,6 +16,7 @@ use crate::multibody::topology::{Connector, Natural, Owner, Topology};
 pub use crate::multibody::wanted::Wanted;
 use crate::spatial::{Map6, Pose, Real, Six, V3, absent, product_of_transpose, skew, turned, turned_back};
 use crate::tolerances::coordinates::SAME_POINT;
+use crate::tolerances::matrices::ENTRY_ROUNDING;
 
 /// A wrench on b about the current place of p_B (world axes), the opposite on a; tangents where they were asked for.
 #[derive(Debug, Clone)]
@@ -57,6 +58,17 @@ pub(crate) struct Local<T: Real> {
     pub relative: Relative<T>,
     /// relative twist at p_B in the axes of A; None at rest
     pub twist: Option<Six<T>>,
+}
+
+impl<T: Real> Local<T> {
+    /// The size of what is subtracted for a coordinate: places, or a radian.
+    fn place(&self, coordinate: Coordinate) -> f64 {
+        let far = |p: &V3<T>| p.iter().map(|v| v.re().abs()).fold(0.0, f64::max);
+        match coordinate {
+            Coordinate::Translation(_) | Coordinate::Length => far(&self.a.p) + far(&self.b.p) + far(&self.relative.u),
+            _ => 1.0,
+        }
+    }
 }
 
 pub(crate) fn local<T: Real>(
@@ -174,13 +186,15 @@ pub fn interaction<T: Real>(
     }
 }
 
-/// Gradients of a connector's coordinates (world axes about `point`), the forces along them, and their slopes by displacement and rate.
+/// Gradients of a connector's coordinates (world axes about `point`), the forces along them, their slopes by displacement and rate, and
+/// what rounding of places may make of its displacements.
 pub struct CoordinateTangent<T: Real> {
     pub point: V3<T>,
     pub gradients: Vec<Six<T>>,
     pub force: [T; 6],
     pub k: [[T; 6]; 6],
     pub c: [[T; 6]; 6],
+    pub rounding: Vec<f64>,
 }
 
 /// The tangent of a connector before it is spread to bodies or coordinates, at rest.
@@ -198,7 +212,13 @@ pub fn coordinate_tangent<T: Real>(
     let gradients = rows.iter().map(|r| r.g.rotated(&here.a.r)).collect();
     let e = strains(connector, geometry, numbers, &here, &rows);
     let made = response(connector, numbers, &e, None, wanted);
-    CoordinateTangent { point: here.b.p, gradients, force: made.force, k: made.k, c: made.c }
+    // differences of places carry several roundings of these, angles one of a radian
+    let hidden = |(e, c): (&T, &Coordinate)| {
+        let unit = if c.is_length() { ENTRY_ROUNDING * f64::EPSILON } else { f64::EPSILON };
+        here.place(*c) * if e.re() == 0.0 { ROUNDING } else { unit }
+    };
+    let rounding = e.iter().zip(&connector.coordinates).map(hidden).collect();
+    CoordinateTangent { point: here.b.p, gradients, force: made.force, k: made.k, c: made.c, rounding }
 }
 
 /// d(e')/d(xi) at a given relative twist field: (h xi) . v + g_l . (omega x xi_t).
@@ -265,14 +285,8 @@ pub(crate) fn strains<T: Real>(
 ) -> Vec<T> {
     let mut all: Vec<T> = rows.iter().map(|r| r.e).collect();
     offset_natural(connector, geometry, numbers.x, &mut all[0]);
-    let far = |p: &V3<T>| p.iter().map(|v| v.re().abs()).fold(0.0, f64::max);
-    let reach = far(&here.a.p) + far(&here.b.p) + far(&here.relative.u);
     for (e, coordinate) in all.iter_mut().zip(&connector.coordinates) {
-        let place = match coordinate {
-            Coordinate::Translation(_) | Coordinate::Length => reach,
-            _ => 1.0,
-        };
-        if e.re().abs() <= ROUNDING * place {
+        if e.re().abs() <= ROUNDING * here.place(*coordinate) {
             *e -= T::from(e.re());
         }
     }

@@ -4,7 +4,7 @@ use crate::model::tables::{BodyRef, Tables};
 use crate::multibody::assemble::Scene;
 use crate::multibody::connector::{Wanted, interaction, load_interaction};
 use crate::multibody::topology::{Connector, Node, Topology};
-use crate::spatial::{Real, Six};
+use crate::spatial::{Real, Six, V3};
 
 /// The island of each node, counted from zero.
 pub fn islands(tables: &Tables, nodes: &[Node], node_of_body: &[usize], connectors: &[Connector]) -> Vec<usize> {
@@ -56,32 +56,45 @@ impl Topology {
     }
 }
 
+/// Sizes of the force and of the moment of a wrench.
+#[derive(Debug, Clone, Copy)]
+pub struct Acting {
+    pub force: f64,
+    pub moment: f64,
+}
+
 impl<T: Real> Scene<'_, T> {
-    /// The sum of the sizes of all forces at work in each island, moments over a length: weight and inertia, loads, connectors.
-    pub fn force_sizes(&self, length: f64) -> Vec<f64> {
+    /// All forces at work, weight and inertia, loads, air, connectors: the nodes that each acts on, the point about which its moment
+    /// counts, and its size.
+    pub(crate) fn each_force(&self, mut visit: impl FnMut([Option<usize>; 2], &V3<T>, Acting)) {
         let topology = self.topology;
-        let mut sizes = vec![0.0; topology.n_islands()];
-        let size = |w: &Six<T>| w.l.map(|v| v.re()).norm() * length + w.a.map(|v| v.re()).norm();
+        let size = |w: &Six<T>| Acting { force: w.l.map(|v| v.re()).norm(), moment: w.a.map(|v| v.re()).norm() };
         let inertia = self.inertia(self.effects.centrifugal).forces().unwrap_or_default();
         for (node, w) in inertia.iter().enumerate() {
-            sizes[topology.island[node]] += size(w);
+            visit([Some(node), None], &self.placement.pose[node].p, size(w));
         }
         let wanted = self.effects.wanted();
         for (i, load) in topology.tables.loads.iter().enumerate().filter(|(_, l)| l.mode.is_none()) {
             let acting = load_interaction(topology, self.geometry, self.placement, i, self.t, wanted);
-            sizes[topology.island[topology.node_of_body[load.body]]] += size(&acting.wrench);
+            visit([Some(topology.node_of_body[load.body]), None], &acting.point, size(&acting.wrench));
         }
         for acting in self.air_forces() {
-            if let Some(node) = topology.node(acting.b) {
-                sizes[topology.island[node]] += size(&acting.wrench);
-            }
+            visit([topology.node(acting.b), None], &acting.point, size(&acting.wrench));
         }
         for c in &topology.connectors {
             let acting = interaction(topology, self.geometry, self.placement, self.numbers(), c, Wanted::FORCES);
-            if let Some(node) = topology.node(c.a).or(topology.node(c.b)) {
-                sizes[topology.island[node]] += size(&acting.wrench);
-            }
+            visit([topology.node(c.a), topology.node(c.b)], &acting.point, size(&acting.wrench));
         }
+    }
+
+    /// The sum of the sizes of all forces at work in each island, moments over a length.
+    pub fn force_sizes(&self, length: f64) -> Vec<f64> {
+        let mut sizes = vec![0.0; self.topology.n_islands()];
+        self.each_force(|nodes, _, acting| {
+            if let Some(node) = nodes[0].or(nodes[1]) {
+                sizes[self.topology.island[node]] += acting.force * length + acting.moment;
+            }
+        });
         sizes
     }
 }

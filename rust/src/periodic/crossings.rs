@@ -6,13 +6,13 @@ use num_complex::Complex64 as c64;
 
 use super::estimate::Estimate;
 use super::problem::Problem;
-use super::truncation::{Judge, Motion, Verdict};
+use super::truncation::{Judge, Motion, Verdict, gap};
 use crate::error::Result;
 use crate::run::Cancel;
 use crate::solve::Linearisation;
 use crate::solve::corrector::{Options, Point, Workspace};
 use crate::solve::segment::{Jump, Segment};
-use crate::tolerances::periodic::{EXPONENT, NEUTRAL, RESONANT, SAME_PAIR, STEEPER};
+use crate::tolerances::periodic::{CROSSED, EXPONENT, NEUTRAL, RESONANT, SAME_PAIR, STEEPER};
 use crate::tolerances::roots::EVENT_SOLVED;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -152,9 +152,13 @@ impl Search<'_> {
     /// Where the growth of the root with this rank vanishes or jumps through zero, and the root there: with twice as many harmonics until
     /// the root of that point is on the axis with twice as many again.
     fn axis_crossing(&mut self, a: &Place, b: &Place, rank: usize) -> Result<Option<(Point, Root)>> {
-        let mut ends = [a, b].map(|place| (place.point.clone(), ranked(place.exponents(), rank).re));
+        let w0 = self.problem.base_frequency();
+        let crossed = [a, b].map(|place| ranked(place.exponents(), rank)).into_iter().find(|s| s.re > 0.0);
+        let through = crossed.and_then(|s| real_multiplier(s, w0));
+        let side = |exponents: &[c64], w0: f64| growth_side(exponents, rank, w0, through);
+        let mut ends = [a, b].map(|place| (place.point.clone(), side(place.exponents(), w0)));
         let mut level = a.verdict.level.max(b.verdict.level);
-        let mut found = self.zero(&ends, rank, level)?;
+        let mut found = self.zero(&ends, (rank, &side), level)?;
         let truncated = a.verdict.truncated || b.verdict.truncated;
         while let Some(point) = found.as_ref().map(|(point, _)| point.clone()).filter(|_| truncated)
             && self.judge.has_level(level + 1, self.problem, &a.estimate)?
@@ -166,21 +170,27 @@ impl Search<'_> {
             if growth.is_nan() || growth.abs() <= NEUTRAL * w0 {
                 break;
             }
-            ends[usize::from(growth * ends[0].1 < 0.0)] = (point, growth);
-            found = self.zero(&ends, rank, level)?.or(found);
+            ends[usize::from(growth * ends[0].1 < 0.0)] = (point, side(&exponents, w0));
+            found = self.zero(&ends, (rank, &side), level)?.or(found);
         }
         Ok(found)
     }
 
-    /// Where the growth of the root with this rank, known at both ends, vanishes or jumps through zero with harmonics doubled so often.
-    fn zero(&mut self, ends: &[(Point, f64); 2], rank: usize, level: usize) -> Result<Option<(Point, Root)>> {
+    /// Where the growth of the root with this rank, told at both ends by its side, vanishes or jumps through zero with harmonics doubled so
+    /// often.
+    fn zero(
+        &mut self,
+        ends: &[(Point, f64); 2],
+        (rank, side): (usize, &impl Fn(&[c64], f64) -> f64),
+        level: usize,
+    ) -> Result<Option<(Point, Root)>> {
         let [(a, first), (b, last)] = ends;
         let judge = &mut *self.judge;
         let growth = |problem: &mut Problem, point: &Point, out: &Linearisation| -> Result<(f64, Root)> {
             problem.set_parameter(point.p())?;
             let Motion { z, exponents, w0 } = judge.at_level(problem, out, point.into(), level)?;
             let exponent = ranked(&exponents, rank);
-            Ok((exponent.re, Root { z, exponent, w0 }))
+            Ok((side(&exponents, w0), Root { z, exponent, w0 }))
         };
         Segment::new(a, b, self.options).zero(self.problem, self.work, self.cancel, (*first, *last), growth)
     }
@@ -198,14 +208,16 @@ impl Search<'_> {
         let w0 = self.problem.base_frequency();
         let (first, mut known) = (unstable(a.exponents(), w0), true);
         let judge = &mut *self.judge;
-        let like_first = |problem: &mut Problem, point: &Point, out: &Linearisation| -> Result<bool> {
+        let side = |problem: &mut Problem, point: &Point, out: &Linearisation| -> Result<f64> {
             problem.set_parameter(point.p())?;
             let found = judge.at_level(problem, out, point.into(), level)?;
             known &= !found.exponents.is_empty();
-            Ok(unstable(&found.exponents, found.w0) == first)
+            let like_first = unstable(&found.exponents, found.w0) == first;
+            Ok(apart(&found.exponents, found.w0) * if like_first { 1.0 } else { -1.0 })
         };
         let segment = Segment::new(&a.point, &b.point, self.options);
-        let jump = segment.jump(self.problem, self.work, self.cancel, like_first)?;
+        let ends = (apart(a.exponents(), w0), -apart(b.exponents(), w0));
+        let jump = segment.jump(self.problem, self.work, self.cancel, ends, side)?;
         let (Jump::Between { before, after, .. }, true) = (jump, known) else {
             return Ok(());
         };
@@ -291,9 +303,42 @@ fn crossing_ranks(a: &Place, b: &Place, w0: f64) -> Vec<usize> {
     (0..a.exponents().len()).filter(signs).collect()
 }
 
+/// 1 or -1 where this is the multiplier's sign and it is real.
+fn real_multiplier(s: c64, w0: f64) -> Option<f64> {
+    let turn = s.im.abs() / w0;
+    let near = |place: f64| (turn - place).abs() < RESONANT;
+    if near(0.0) { Some(1.0) } else { near(0.5).then_some(-1.0) }
+}
+
+/// A value with the sign of the growth of the exponent with this rank, zero where it is on the axis. Where it crosses `through` a real
+/// multiplier m, 1 or -1, the size is that of the product of m - mu over all multipliers mu, since two that have just met part like a root, which
+/// no search for zeros likes, but not their product.
+fn growth_side(exponents: &[c64], rank: usize, w0: f64, through: Option<f64>) -> f64 {
+    let growth = ranked(exponents, rank).re;
+    if growth.abs() <= CROSSED * w0 {
+        return 0.0;
+    }
+    let Some(real) = through else { return growth };
+    let multiplier = |s: &c64| (s * (std::f64::consts::TAU / w0)).exp();
+    let size: f64 = exponents.iter().map(|s| (multiplier(s) - real).norm()).product();
+    growth.signum() * size.min(f64::MAX.sqrt())
+}
+
 /// Whether two exponents are one, or conjugate.
 fn same_pair(s: c64, other: c64) -> bool {
     (s.im.abs() - other.im.abs()).abs() <= SAME_PAIR * (s.im.abs() + other.im.abs())
+}
+
+/// How far the two exponents that meet at a border of stability are from each other, squared, in units of the base frequency: the one that
+/// grows most, or the two nearest ones modulo i w0 where none grows. Along a branch it vanishes linearly at the border.
+fn apart(exponents: &[c64], w0: f64) -> f64 {
+    let most = ranked(exponents, 0);
+    if most.re > NEUTRAL * w0 {
+        return (2.0 * most.re / w0).powi(2);
+    }
+    let n = exponents.len();
+    let gaps = (0..n).flat_map(|i| (0..i).map(move |j| gap(exponents[i], exponents[j], w0).norm() / w0));
+    gaps.filter(|g| *g > 0.0).fold(1.0, f64::min).powi(2)
 }
 
 /// The exponent with this rank in the order of growth.
@@ -327,6 +372,26 @@ mod tests {
         assert_eq!([1e-5, 1e-3].map(|im| kind(0.0, im)), [Kind::BranchPoint, Kind::NeimarkSacker]);
         assert_eq!([1e-5, 1e-3].map(|off| kind(0.0, 0.5 - off)), [Kind::PeriodDoubling, Kind::NeimarkSacker]);
         assert_eq!([1e-7, 1e-5].map(|re| kind(re, 0.0)), [Kind::BranchPoint, Kind::Grazing]);
+    }
+
+    /// Two exponents that meet at 0 and part like a root: the growth of one of them vanishes at d = c^2, where the side is a straight line.
+    #[test]
+    fn the_side_of_a_pair_that_has_just_met_is_smooth() {
+        let (w0, c) = (3.7, 1e-3);
+        let side = |d: f64, turn: f64| {
+            let root = c64::new(d, 0.0).sqrt();
+            let exponents = [-c + root, -c - root].map(|s| c64::new(s.re, s.im + turn));
+            growth_side(&exponents, 0, w0, real_multiplier(exponents[0], w0))
+        };
+        for turn in [0.0, 0.5 * w0] {
+            let [low, middle, high] = [-1e-8, 1e-8, 3e-8].map(|off| side(c * c + off, turn));
+            assert!(
+                low < 0.0 && middle > 0.0 && ((high - middle) / (middle - low) - 1.0).abs() < 1e-2,
+                "{low} {middle} {high}"
+            );
+        }
+        assert_eq!(side(c * c, 0.0), 0.0);
+        assert_eq!(real_multiplier(c64::new(0.1, 0.3 * w0), w0), None);
     }
 
     #[test]

@@ -186,8 +186,8 @@ impl Follower {
                 return Ok(Some(None));
             }
             let mut work = Workspace::new(a.y().len());
-            let same = |_: &mut Problem, p: &Point, _: &Linearisation| Ok(p.orientation == a.orientation);
-            match segment.jump(&mut self.problem, &mut work, cancel, same)? {
+            let same = |_: &mut Problem, p: &Point, _: &Linearisation| Ok(p.orientation * a.orientation);
+            match segment.jump(&mut self.problem, &mut work, cancel, (1.0, -1.0), same)? {
                 Jump::Between { after, width, .. } => {
                     // at a corner of the equations the determinant jumps through zero, and no branch crosses: there the regularity
                     // stays, at a branch point it falls with the width

@@ -17,8 +17,7 @@ use super::estimate::Estimate;
 use super::problem::Problem;
 use super::stability::{Floquet, Stability};
 use crate::error::{Error, Result};
-use crate::solve::continuation::Branch;
-use crate::solve::corrector::{Options, Point};
+use crate::solve::corrector::{Options, Point, Workspace, across};
 use crate::solve::{Curve as _, Linearisation, nan_or_largest};
 use crate::tolerances::periodic::{DECIDED, MOST_REFINED, NEUTRAL, SYMMETRIC, TURNING};
 
@@ -174,6 +173,8 @@ struct Refined {
     problem: Problem,
     samplers: Vec<Aft>,
     corrections: u64,
+    /// the last solution [y, p], less the one of few harmonics that it was found from
+    change: Option<Vec<f64>>,
 }
 
 impl Refined {
@@ -189,10 +190,12 @@ impl Refined {
             return Ok(None);
         }
         let dims: Vec<usize> = finer.dims.iter().map(|n| factor as usize * n).collect();
-        Ok(Some(Refined { problem: problem.on(basis, &dims)?, samplers: Vec::new(), corrections: 0 }))
+        let problem = problem.on(basis, &dims)?;
+        Ok(Some(Refined { problem, samplers: Vec::new(), corrections: 0, change: None }))
     }
 
-    /// The solution in the plane through another one across its branch: also at a fold, where none may exist at the same parameter.
+    /// The solution in the plane through another one across its branch: also at a fold, where none may exist at the same parameter. It is
+    /// looked for where the harmonics change the motion as they changed the last one, or at the other solution itself.
     fn solution(&mut self, problem: &Problem, from: Solution<'_>, options: Options) -> Result<Option<Point>> {
         self.problem.follow(problem)?;
         let n = self.problem.size();
@@ -203,14 +206,21 @@ impl Refined {
             out
         };
         let (z, along) = (padded(from.z), padded(from.along));
-        match Branch::start(&mut self.problem, &z[..n], z[n], &along, options) {
-            Ok(Some(branch)) => {
-                self.corrections += branch.work.corrections;
-                Ok(Some(branch.point().clone()))
+        let mut work = Workspace::new(n);
+        let near = self.change.take().map(|change| z.iter().zip(&change).map(|(z, c)| z + c).collect::<Vec<f64>>());
+        let mut found = None;
+        for start in near.as_ref().into_iter().chain([&z]) {
+            found = match across(&mut self.problem, &mut work, (&z, &along), start, &options) {
+                Err(Error::Singular(_)) => None,
+                other => other?,
+            };
+            if found.is_some() {
+                break;
             }
-            Ok(None) | Err(Error::Singular(_)) => Ok(None),
-            Err(other) => Err(other),
         }
+        self.corrections += work.corrections;
+        self.change = found.as_ref().map(|point| point.z.iter().zip(&z).map(|(f, z)| f - z).collect());
+        Ok(found)
     }
 }
 
@@ -256,7 +266,7 @@ fn shift(gap: c64, change: f64) -> f64 {
 }
 
 /// Difference of two exponents modulo i w0.
-fn gap(s: c64, other: c64, w0: f64) -> c64 {
+pub(super) fn gap(s: c64, other: c64, w0: f64) -> c64 {
     let turn = (s.im - other.im) / w0;
     c64::new(s.re - other.re, w0 * (turn - turn.round()))
 }

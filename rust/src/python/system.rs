@@ -15,6 +15,7 @@ use crate::equilibrium::{Equilibrium, equilibrium};
 use crate::error::{Error, Result};
 use crate::integrate::{Equations, Motion};
 use crate::linearize::air_states::{air_states, holding};
+use crate::linearize::force_rounding::hidden;
 use crate::linearize::model_modes::linear_system;
 use crate::linearize::parts::{Parts, parts};
 use crate::linearize::reactions::reactions;
@@ -320,17 +321,19 @@ impl PySystem {
             .into());
         }
         let turn = turn.as_ref().map(table);
-        let (lin, parts, counts) = run_pass(py, &self.0, move |system, _| {
+        let (lin, parts, hidden, counts) = run_pass(py, &self.0, move |system, _| {
             let mut counts = Counts::default();
             let setting = Setting { system, state: &state, memory: &memory, acceleration: &acceleration, effects };
             let lin = linearize(&setting, &mut counts)?;
+            let hidden = raw.then(|| hidden(&setting, &lin));
             let parts = if raw { None } else { Some(parts(&setting, &lin, turn.as_ref())?) };
-            Ok((lin, parts, counts))
+            Ok((lin, parts, hidden, counts))
         })?;
         let out = PyDict::new(py);
         match &parts {
             Some(parts) => put_parts(&out, &lin, parts)?,
             None => {
+                out.set_item("hidden_forces", hidden.map(|h| h.into_pyarray(py)))?;
                 out.set_item("M", array(&lin.matrices.mass).into_pyarray(py))?;
                 out.set_item("D", lin.matrices.damping.as_ref().map(|d| array(d).into_pyarray(py)))?;
                 out.set_item("S", array(&lin.matrices.stiffness).into_pyarray(py))?;

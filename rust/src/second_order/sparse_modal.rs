@@ -72,6 +72,8 @@ pub fn lowest(pencil: &impl Pencil, wanted: usize, sigma: Option<f64>, cancel: &
             false => around(pencil, wanted, (op, softer), usual, cancel),
         });
         match found {
+            // so near to rigid modes that nothing is known of others
+            Ok(found) if worst(&found) >= 1.0 => break,
             Ok(found) => modes = found,
             Err(Error::Interrupted) => return Err(Error::Interrupted),
             // the shifted matrix is singular but for rounding: the modes that are there keep their errors
@@ -127,6 +129,12 @@ fn around(
     Ok(modes)
 }
 
+/// The largest error of an elastic mode; of rigid ones it is an eigenvalue.
+fn worst(modes: &SymmetricModes) -> f64 {
+    let elastic = modes.lambda.iter().zip(&modes.error).filter(|(lambda, _)| **lambda != 0.0);
+    elastic.map(|(_, error)| *error).fold(0.0, f64::max)
+}
+
 /// A Krylov basis would exhaust the space: then the operator is taken whole.
 fn is_small(pencil: &impl Pencil, options: &Options) -> bool {
     pencil.free_dim() < options.dim + 3 * options.block
@@ -149,16 +157,11 @@ fn small(
     };
     let mut found = solved(&op, shift)?;
     let coarse = -FIRST_SHIFT * pencil.scale();
-    // of rigid modes it is an eigenvalue
-    let error = |m: &SymmetricModes| {
-        let elastic = m.lambda.iter().zip(&m.error).filter(|(lambda, _)| **lambda != 0.0);
-        elastic.map(|(_, error)| *error).fold(0.0, f64::max)
-    };
-    let poor = given.is_none() && shift != coarse && found.as_ref().map_or(true, |m| error(m) > SHARP);
+    let poor = given.is_none() && shift != coarse && found.as_ref().map_or(true, |m| worst(m) > SHARP);
     if poor {
         let again = solved(&pencil.shifted(coarse)?, coarse)?;
         found = match (found, again) {
-            (Ok(first), Ok(second)) if error(&second) > error(&first) => Ok(first),
+            (Ok(first), Ok(second)) if worst(&second) > worst(&first) => Ok(first),
             (Ok(first), Err(_)) => Ok(first),
             (_, again) => again,
         };
@@ -251,13 +254,18 @@ fn start<'a>(
         return Ok((pencil.shifted(sigma)?, sigma));
     }
     let mut op = pencil.shifted(sigma)?;
+    let mut before = None;
     for _ in 0..12 {
         counts.add("factorisations", 1);
         let options = Options::new(wanted, true);
         let coarse = Options { dim: (wanted + 2 * options.block).div_ceil(options.block) * options.block, ..options };
-        let mut space = Space::new(&op, coarse)?;
-        let ritz = space.cycle(cancel)?;
-        counts.merge(&space.counts);
+        let cycled = Space::new(&op, coarse).and_then(|mut space| Ok((space.cycle(cancel)?, space.counts)));
+        // what rounding leaves of a rigid motion was followed as if it were elastic: the shifted matrix is singular
+        if let (Err(Error::Singular(_)), Some(last)) = (&cycled, before.take()) {
+            return Ok(last);
+        }
+        let (ritz, work) = cycled?;
+        counts.merge(&work);
         let elastic = ritz.value.iter().filter(|theta| theta.re > 0.0).map(|theta| sigma + 1.0 / theta.re);
         let first = elastic.filter(|l| *l > ELASTIC * sigma.abs()).fold(f64::INFINITY, f64::min);
         if 30.0 * first >= sigma.abs() {
@@ -265,7 +273,8 @@ fn start<'a>(
         }
         // the coarse value lies above the true one, mostly far above: a bold step saves factorisations
         let Ok(moved) = pencil.shifted(-0.1 * first) else { break };
-        (op, sigma) = (moved, -0.1 * first);
+        before = Some((std::mem::replace(&mut op, moved), sigma));
+        sigma = -0.1 * first;
     }
     Ok((op, sigma))
 }

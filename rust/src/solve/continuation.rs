@@ -5,7 +5,7 @@
 use std::collections::VecDeque;
 
 use super::Curve;
-use super::corrector::{Corrector, Options, Point, Predictor, Target, Workspace, correct, dot, renew_scale, scaled};
+use super::corrector::{Corrector, Options, Point, Predictor, Target, Workspace, across, correct, dot, scaled};
 use super::segment::Segment;
 use crate::error::Result;
 use crate::run::Cancel;
@@ -37,22 +37,9 @@ impl Branch {
     ) -> Result<Option<Branch>> {
         let n = y.len();
         let mut work = Workspace::new(n);
-        let mut scale = vec![0.0; n + 1];
-        renew_scale(curve, y, options.parameter_scale, &mut scale);
         let mut z = y.to_vec();
         z.push(p);
-        let x = scaled(&z, &scale);
-        let mut along = scaled(towards, &scale);
-        let length = dot(&along, &along).sqrt();
-        along.iter_mut().for_each(|a| *a /= length);
-        let target = Target {
-            scale: &scale,
-            centre: &x,
-            direction: &along,
-            distance: 0.0,
-            corrector: Corrector::PseudoArclength,
-        };
-        let Some(point) = correct(curve, &mut work, &target, x.clone(), &options)? else {
+        let Some(point) = across(curve, &mut work, (&z, towards), &z, &options)? else {
             return Ok(None);
         };
         Ok(Some(Branch { step: options.first_step, options, work, history: VecDeque::from([point]) }))

@@ -184,6 +184,30 @@ impl Target<'_> {
     }
 }
 
+/// The solution in the plane through [y, p] across a direction, from any start; None where the iteration does not contract.
+pub fn across(
+    curve: &mut dyn Curve,
+    work: &mut Workspace,
+    (through, towards): (&[f64], &[f64]),
+    start: &[f64],
+    options: &Options,
+) -> Result<Option<Point>> {
+    let mut scale = vec![0.0; through.len()];
+    renew_scale(curve, &through[..through.len() - 1], options.parameter_scale, &mut scale);
+    let centre = scaled(through, &scale);
+    let mut direction = scaled(towards, &scale);
+    let length = dot(&direction, &direction).sqrt();
+    direction.iter_mut().for_each(|d| *d /= length);
+    let target = Target {
+        scale: &scale,
+        centre: &centre,
+        direction: &direction,
+        distance: 0.0,
+        corrector: Corrector::PseudoArclength,
+    };
+    correct(curve, work, &target, scaled(start, &scale), options)
+}
+
 /// Newton iteration onto the branch; None where it does not contract. `x` is the scaled start.
 pub(super) fn correct(
     curve: &mut dyn Curve,
@@ -251,7 +275,7 @@ fn finish(
 }
 
 /// Scales in which the solution y has at most length one, whatever the number of unknowns.
-pub(super) fn renew_scale(curve: &dyn Curve, y: &[f64], parameter_scale: f64, out: &mut [f64]) {
+fn renew_scale(curve: &dyn Curve, y: &[f64], parameter_scale: f64, out: &mut [f64]) {
     let n = y.len();
     curve.scale(y, &mut out[..n]);
     let length = y.iter().zip(out.iter()).map(|(y, d)| (y / d).powi(2)).sum::<f64>().sqrt();

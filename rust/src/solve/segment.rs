@@ -126,31 +126,36 @@ impl Segment {
         Ok(best.map(|(_, point, there)| (point, there)))
     }
 
-    /// Where `like_first` turns false: for properties that jump, such as the sign of a determinant.
+    /// Where the sign of `side`, which is positive at the first end, turns: for properties that jump, such as the sign of a determinant. Its
+    /// size only tells where to look: where it vanishes towards the border fewer trials are needed.
     pub fn jump<C: Curve>(
         &self,
         curve: &mut C,
         work: &mut Workspace,
         cancel: &Cancel,
-        mut like_first: impl FnMut(&mut C, &Point, &Linearisation) -> Result<bool>,
+        ends: (f64, f64),
+        mut side: impl FnMut(&mut C, &Point, &Linearisation) -> Result<f64>,
     ) -> Result<Jump> {
-        let mut low = (0.0, 0.0, self.centre.clone());
-        let mut high = (self.length, 0.0, self.far.clone());
+        let mut bracket = Bracket::new((0.0, ends.0, self.centre.clone()), (self.length, ends.1, self.far.clone()));
         let (mut before, mut after) = self.ends.clone();
-        while (high.0 - low.0).abs() > NARROW * self.length.abs() {
+        for _ in 0..MOST_TRIALS {
             cancel.check()?;
+            if bracket.width() <= NARROW * self.length() {
+                break;
+            }
+            let s = bracket.next(0.5 * NARROW * self.length());
+            let [one, other] = bracket.ends();
+            let fraction = (s - one.0) / (other.0 - one.0);
             // the corrector may fail at the point itself, where the equations are singular, but not also beside it
-            let found = self.between(curve, work, &[0.5, 0.37, 0.71], &low, &high)?;
+            let found = self.between(curve, work, &[fraction, 0.5, 0.37, 0.71], one, other)?;
             let Some((s, point)) = found else {
                 break;
             };
-            let place = (s, 0.0, scaled(&point.z, &self.scale));
-            if like_first(curve, &point, &work.out)? {
-                (low, before) = (place, point);
-            } else {
-                (high, after) = (place, point);
-            }
+            let value = side(curve, &point, &work.out)?;
+            bracket.add((s, value, scaled(&point.z, &self.scale)));
+            *(if value < 0.0 { &mut after } else { &mut before }) = point;
         }
+        let [low, high] = bracket.ends();
         let gap = low.2.iter().zip(&high.2).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt();
         // on one branch the two sides approach each other as s does, but for what is left of solutions where a row is singular
         let narrowed = (high.0 - low.0).abs() < NARROWED * self.length.abs();
