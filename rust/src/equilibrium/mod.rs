@@ -109,8 +109,7 @@ fn search(
         cancel.check()?;
         counts.add("equilibrium iterations", 1);
         let residual = local.unbalance();
-        let falls = residual < best.0;
-        if falls {
+        if residual < best.0 {
             best = (residual, state.clone());
         }
         let spectrum = spectrum(&local)?;
@@ -134,9 +133,7 @@ fn search(
         // of such a step the square is left
         let near = residual <= NEARLY_BALANCED && step.amax() <= f64::EPSILON.sqrt();
         let done = residual <= BALANCED || step.amax() <= BALANCED || near;
-        // rounding of places bounds what is left: a part whose forces it hides is followed while it falls
-        let followed = falls && local.unresolved().is_some();
-        if done || !followed && local.is_rounding(&at_rest(system, &state, effects)) {
+        if done || local.is_rounding(&at_rest(system, &state, effects)) {
             if residual > 4.0 * f64::EPSILON && residual.is_finite() {
                 // one last step costs nothing and takes the iterate to rounding level
                 let polished = moved(system, &state, &local, &step, 1.0, effects, counts)?;
@@ -145,6 +142,7 @@ fn search(
                 // rounding in stiff parts hides in the forces what soft ones have still to go
                 let shorter = same_coordinates(system, &local, &next)
                     && newton_answer(&local, &spectrum, &next.r).is_ok_and(|s| s.amax() < SETTLED * step.amax());
+                let shorter = shorter && (next.unresolved().is_none() || local.unresolved().is_some());
                 if left <= residual || shorter {
                     state = polished;
                     local = next;
