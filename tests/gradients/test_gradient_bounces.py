@@ -118,7 +118,9 @@ def check(ball, scheme, steps, bound):
         asked = 0.3 if "step" in steps else np.sqrt(steps.get("rtol", 1e-7))
         assert found.status == ("converged" if found.error <= asked else "unresolved")
         assert off < bound
-        assert off <= 3.0 * found.error + PLACED * ball.stiff
+        # where errors of bounces cancel the difference to a finer motion says less
+        chance = 0.02 * steps.get("rtol", 0.0)
+        assert off <= 3.0 * found.error + PLACED * ball.stiff + chance
 
 
 @pytest.mark.some(3)

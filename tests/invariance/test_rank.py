@@ -124,6 +124,7 @@ def test_a_door_far_from_the_origin_is_no_doubtful_one(distance):
 
 
 @pytest.mark.filterwarnings("ignore::mbrs.errors.MbrsWarning")
+@pytest.mark.exact  # noise of 1e-13 on places at 1e6 is as much as the hinges are off
 def test_a_door_far_from_the_origin_is_locked_by_hinges_that_are_off():
     """By a few tolerances, where rounding of places is far less."""
     m, axis, at = mb.Model("door"), np.array([0.36, 0.48, 0.8]), 1e6 * np.array([1.0, 0.3, -0.7])

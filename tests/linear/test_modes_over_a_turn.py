@@ -74,7 +74,7 @@ def test_the_periodic_matrices_are_those_of_the_motion_in_time():
 
     def end(q, rate):
         disturbed = type(state)(q, rate)
-        return mb.simulate(m, t=[PERIOD], at=disturbed, rtol=1e-7).state(PERIOD)
+        return mb.simulate(m, t=[PERIOD], at=disturbed, rtol=1e-8).state(PERIOD)
 
     columns = []
     for k in range(6):

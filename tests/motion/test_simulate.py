@@ -371,9 +371,7 @@ def test_steps_end_where_sliders_turn(rtol, known_slider):
     """Their error falls with the tolerance, which it does not where steps pass the turns."""
     traj = mb.simulate(slider(), t=[5.0], rtol=rtol, method="explicit")
     error = abs(traj.position("b")[-1, 0] - known_slider)
-    print(
-        f"rtol {rtol:.0e}: {error:.1e} m, {traj.stats.counts['kinks met']} kinks met, {len(traj.steps) - 1} steps"
-    )
+    print(f"rtol {rtol:.0e}: {error:.1e} m, {traj.stats.counts['kinks met']} kinks met, {len(traj.steps) - 1} steps")
     assert traj.stats.counts["kinks met"] > 10 and error < 5 * rtol + 1e-9
 
 

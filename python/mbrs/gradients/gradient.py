@@ -259,7 +259,11 @@ def _judged(made: MotionGradient, step: float | None, rtol: float | None) -> str
     if made.error is None:
         return "computed"
     asked = _UNRELATED if step is not None else math.sqrt(DEFAULT if rtol is None else rtol)
-    return "converged" if made.error <= asked else "unresolved"
+    # where nothing has an effect the difference is that of rounding in so many steps
+    effect = np.abs(effects_of(made, made.gradient)).max(axis=1)
+    rounding = np.finfo(float).eps * len(made.t) * np.abs(np.ravel(made.value))
+    is_rounding = bool(np.all(made.error * effect <= rounding))
+    return "converged" if made.error <= asked or is_rounding else "unresolved"
 
 
 def _finer(run: Run, objectives: Sequence[Objective], step: float | None, rtol: float | None) -> Run:

@@ -27,7 +27,6 @@ use crate::multibody::topology::{Node, Purpose};
 use crate::run::Counts;
 use crate::spatial::{Pose, V3, rotation_of_quaternion};
 use crate::tolerances::constraints::{CLOSED_ENOUGH, DOUBTFUL, FELT, POSE_ROUNDING};
-use crate::tolerances::equilibrium::SETTLED;
 
 const MAX_ITERATIONS: usize = 60;
 /// Blocks of more rows and columns are closed by sparse factors.
@@ -131,29 +130,17 @@ pub(crate) fn close_with(system: &System, q: &mut [f64], effects: Effects, rows:
     let columns = column_scales(&system.topology, system.length);
     let rounding = rounding(system, q, effects, rows);
     let mut best = f64::INFINITY;
-    // the last pose that was closed: a step more may take it to rounding itself
-    let mut last: Option<(f64, Vec<f64>)> = None;
     for iteration in 0..=MAX_ITERATIONS {
         let (phi, jacobian) = rows_at(system, q, effects);
         check_finite(system, &phi)?;
         let kept = rows.select(&jacobian, Asked::Position);
         let (size, worst, closed) = largest(&phi, &kept, rows, &rounding);
-        if let Some((before, pose)) = last.take_if(|(before, _)| !closed || size > SETTLED * *before) {
-            if !(closed && size < before) {
-                q.copy_from_slice(&pose);
-            }
-            check_orientation(system, q)?;
-            return Ok(iteration);
-        }
         let stalled = iteration > 3 && size >= best;
-        let exact = |i: &usize| (phi[*i] * rows.row_scale[*i]).abs() * POSE_ROUNDING <= rounding[*i];
-        if closed && kept.iter().all(exact) || stalled && best < CLOSED_ENOUGH {
+        if closed || stalled && best < CLOSED_ENOUGH {
             check_orientation(system, q)?;
             return Ok(iteration);
         }
-        if closed {
-            last = Some((size, q.to_vec()));
-        } else if iteration == MAX_ITERATIONS || iteration > 12 && size > 0.9 * best {
+        if iteration == MAX_ITERATIONS || iteration > 12 && size > 0.9 * best {
             return Err(cannot_close(system, &phi, worst, size));
         }
         best = best.min(size);

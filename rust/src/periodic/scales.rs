@@ -1,5 +1,6 @@
 //! Sizes of coordinates of different units beside each other: lengths beside angles.
 use super::problem::Problem;
+use crate::tolerances::periodic::LEAST_SCALE;
 
 impl Problem {
     /// Per coordinate the root of its own dynamic stiffness in the constant term or the first: lengths beside angles, times these, are
@@ -22,8 +23,7 @@ impl Problem {
         let own: Vec<f64> = (0..n).map(largest).collect();
         let overall = own.iter().zip(&weights).fold(0.0_f64, |a, (x, w)| a.max(x * w));
         for i in 0..n {
-            // these are roots of energies, which are rounding below eps of the largest
-            let size = own[i].max(f64::EPSILON.sqrt() * overall / weights[i]);
+            let size = own[i].max(LEAST_SCALE * overall / weights[i]);
             out.iter_mut().skip(i).step_by(n).for_each(|d| *d = if size > 0.0 { size } else { 1.0 });
         }
     }

@@ -1,5 +1,11 @@
 //! Periodic motions: dynamic stiffness, residuals, events.
 
+/// A coordinate counts at least as if it held this part of the largest root of an energy. Larger: steps of what is small beside the rest
+/// are not measured. Smaller: what vanishes by symmetry measures steps by rounding, and branches do not begin. Pinned by
+/// `test_script_agrees_with_its_references` (stewart_friction.py), from below. Not seen from above: responses in any units are the same
+/// either way.
+pub const LEAST_SCALE: f64 = 1e-6;
+
 /// Part of the natural size of an entry of the condensed dynamic stiffness that rounding of a factorisation may change, by its bound,
 /// before the entry is refined. Free of units. Too large: curves of finely divided structures carry the rounding; too small: refinements
 /// that change nothing. Pinned by `test_rounding_of_a_divided_beam_leaves_six_digits`, from above. Not seen from below: beams of tests gain
