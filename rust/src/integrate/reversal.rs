@@ -45,7 +45,7 @@ impl Equations<'_, f64> {
 
     /// Has a law sliders that are not held?
     fn slides(&self, l: &BoundLaw, held: bool) -> bool {
-        l.law.has_map() && !(held && !l.law.sliders(&self.x[l.x..l.x + l.law.n_params()]).is_empty())
+        l.law.has_map() && (!held || l.law.sliders(&self.x[l.x..l.x + l.law.n_params()]).is_empty())
     }
 }
 

@@ -572,8 +572,8 @@ impl<'e, 's> Sides<'e, 's> {
         if self.exact {
             return;
         }
-        for k in 0..self.sides.len() {
-            let is_left = self.is_beyond(k, now[k], self.zero);
+        for (k, distance) in now.iter().enumerate() {
+            let is_left = self.is_beyond(k, *distance, self.zero);
             if let Some(goes_on) = self.rests.goes_on(k, is_left) {
                 self.ignored[k] = goes_on;
             }

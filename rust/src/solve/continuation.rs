@@ -321,8 +321,9 @@ mod tests {
             let mut branch = Branch::start(&mut curve, &[0.0], 0.0, &[0.0, 1.0], options).unwrap().unwrap();
             assert_eq!(branch.advance(&mut curve, &Cancel::default()).unwrap(), Advance::Moved);
             let segment = branch.segment().unwrap();
-            let before = |_: &mut Plane, p: &Point, _: &Linearisation| Ok(p.p() < 0.05);
-            let found = segment.jump(&mut curve, &mut branch.work, &Cancel::default(), before).unwrap();
+            let before = |_: &mut Plane, p: &Point, _: &Linearisation| Ok(0.05 - p.p());
+            let cancel = Cancel::default();
+            let found = segment.jump(&mut curve, &mut branch.work, &cancel, (0.05, -0.05), before).unwrap();
             matches!(found, Jump::Torn)
         };
         assert!(torn(Plane(|y, p| [y - 0.3 * p + if (p - 0.05).abs() < 5e-4 { f64::NAN } else { 0.0 }, 1.0, -0.3])));
