@@ -41,7 +41,7 @@ _LEAST_AZIMUTHS, _MOST_AZIMUTHS = 5, 999
 # steady motion. Pinned by tests/truth/test_steady_rotation.py with jitter.
 _ENTRY = 4.0
 # Residual force, relative to the forces at work, beyond which a motion is not called converged; and the forces, over the stiffness
-# times a radian or a characteristic length, below which a model counts as unloaded. As of equilibria (rust/src/tolerances.rs).
+# times a radian or a characteristic length, below which a model counts as unloaded. As of equilibria (rust/src/tolerances/mod.rs).
 _BALANCED, _UNLOADED = 1e-9, 1e-11
 # Singular values over the largest, free of units, below which rates of loops and the stiffness of the motion have no rank. Larger:
 # soft directions are left where they are; smaller: rounding moves what nothing holds.
