@@ -143,3 +143,20 @@ def test_a_result_that_is_lost_with_the_last_worker_is_not_waited_for(monkeypatc
         cluster.scale(1)
         alone.wait_for_workers(1, timeout=60)
         assert pool.chunk(future).status.tolist() == [0, 0, 0, 0]
+
+
+@pytest.mark.slow
+def test_a_sweep_says_that_the_workers_left_before_it_fetched_a_result(monkeypatch):
+    """The first chunk is computed and lost with the last worker: the sweep names the cluster, and not the outputs."""
+    fetch = pools.Cluster.chunk
+    with one_worker(monkeypatch) as (cluster, alone):
+
+        def leave_first(pool, future):
+            cluster.scale(0)
+            while alone.nthreads():
+                time.sleep(0.01)
+            return fetch(pool, future)
+
+        monkeypatch.setattr(pools.Cluster, "chunk", leave_first)
+        with pytest.raises(mb.RouteError, match="^the cluster of Dask has had no worker for 1 s"):
+            mb.sweep(scenes.model(), scenes.designs(8), scenes.numbers, executor=alone, chunk=2)

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import DesignError, ModelError
+from ..errors import DesignError, ModelError, RouteError
 from . import isolation
 from .chunk import DONE, Chunk, Scene, Task
 from .pools import Pool, Restarted, WorkerLost
@@ -161,6 +161,8 @@ class Client:
         except Restarted:
             self._waiting.appendleft((first, end))
             return
+        except RouteError:  # of the cluster itself: a worker hands over what a design raises as a failure
+            raise
         except Exception as reason:
             raise ModelError(f"the workers cannot compute the outputs: {reason}") from reason
         self._sizes.learn(chunk)
