@@ -195,9 +195,20 @@ impl Equations<'_, f64> {
         Ok(self.joined(motion, &a, &lam))
     }
 
+    /// Does the recursion over the tree serve: no row acts, and nothing is flexible?
+    fn is_rigid_tree(&self) -> bool {
+        !self.constrained() && !self.topology().is_flexible()
+    }
+
+    /// x with M x = f by the recursion over the tree; None where it cannot serve.
+    pub fn tree_solution(&self, motion: &Motion<f64>, f: &[f64]) -> Option<Vec<f64>> {
+        let solved = |placement| articulated::solve(&self.scene(motion, &placement, None).inertia(false), f);
+        self.is_rigid_tree().then(|| self.place(motion)).and_then(solved)
+    }
+
     /// Where no row acts and nothing is flexible: the recursion over the tree. None where it cannot serve.
     fn tree_accelerations(&self, motion: &Motion<f64>, counts: &mut Counts) -> Result<Option<Vec<f64>>> {
-        if self.constrained() || self.topology().is_flexible() {
+        if !self.is_rigid_tree() {
             return Ok(None);
         }
         let placement = self.place(motion);

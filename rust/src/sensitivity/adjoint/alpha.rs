@@ -12,9 +12,8 @@ use crate::integrate::{Equations, Motion};
 use crate::run::Counts;
 
 use super::super::alpha::{Load, Solved};
-use super::super::closing::accelerating;
 use super::super::march::Here;
-use super::closing::{accelerations_back, aligned_back, turned_back};
+use super::closing::{accelerations_back, aligned_back, by_inertia, by_saddle, turned_back};
 use super::increments::{add_numbers, add_turning_back, before_move, by_increments};
 use super::recorder::{Adjoint, Recorder, add, column, remembered_back};
 
@@ -42,7 +41,8 @@ pub fn step_back(
         before.acceleration[i] -= d / h;
     }
     let there = Motion { memory: from.instant.motion.memory.clone(), ..end.instant.motion.clone() };
-    accelerations_back(recorder, &there, &end.instant, &by.end.by, &mut at, &mut before)?;
+    let solved = by_saddle(&by.end.by, &at)?;
+    accelerations_back(recorder, &there, &end.instant, solved, &mut at, &mut before);
     let star = aligned_back(recorder, &there, &by.end, &mut at)?;
     let start = Load::of(carried);
     let of = (&from.instant.motion, &there);
@@ -62,8 +62,8 @@ pub fn anew_back(recorder: &mut Recorder<'_>, end: &Here, anew: &Here, mut at: A
     at.first();
     let mut before = Adjoint::none(end);
     let m = &anew.instant.motion;
-    let by = accelerating(recorder.eq, m)?.0;
-    accelerations_back(recorder, m, &anew.instant, &by, &mut at, &mut before)?;
+    let solved = by_inertia(recorder.eq, m, &at)?;
+    accelerations_back(recorder, m, &anew.instant, solved, &mut at, &mut before);
     before.q = at.q;
     before.rate = at.rate;
     add(&mut before.memory, &at.memory);

@@ -11,7 +11,7 @@ use crate::error::Result;
 use crate::integrate::{Equations, Instant, Motion};
 use crate::linalg::kkt::Kkt;
 
-use super::super::closing::{Aligned, Correction, corrections};
+use super::super::closing::{Aligned, Correction, accelerating, corrections};
 use super::super::march::Here;
 use super::super::runge_kutta::Stages;
 use super::increments::{add_numbers, before_move, by_increments};
@@ -29,15 +29,18 @@ pub fn ended_back(
     if at.memory.iter().any(|m| *m != 0.0) {
         remembered_back(recorder, &by.end.memory, &end.instant.motion, &mut at);
     }
-    let felt = at.acceleration.iter().chain(&at.lam).any(|d| *d != 0.0);
-    if felt || eq.n_rows() > 0 {
-        let aligned = Aligned::new(eq, &by.end, &by.open.rate)?;
-        if felt {
-            let mut held = Adjoint::none(end);
-            accelerations_back(recorder, &by.end, &end.instant, &aligned.by, &mut at, &mut held)?;
-            add(&mut at.memory, &held.memory);
-        }
-        at.rate = aligned_back(recorder, &by.end, &aligned, &mut at)?;
+    let aligned = if eq.n_rows() > 0 { Some(Aligned::new(eq, &by.end, &by.open.rate)?) } else { None };
+    if at.feels_acceleration() {
+        let solved = match &aligned {
+            Some(aligned) => by_saddle(&aligned.by, &at)?,
+            None => by_inertia(eq, &by.end, &at)?,
+        };
+        let mut held = Adjoint::none(end);
+        accelerations_back(recorder, &by.end, &end.instant, solved, &mut at, &mut held);
+        add(&mut at.memory, &held.memory);
+    }
+    if let Some(aligned) = &aligned {
+        at.rate = aligned_back(recorder, &by.end, aligned, &mut at)?;
     }
     let mut q = by_increments(eq, &by.end, &at.q);
     add(&mut q, more);
@@ -47,27 +50,42 @@ pub fn ended_back(
     Ok((q, at))
 }
 
+/// (u, w): adjoints of the equations that accelerations and multipliers solve.
+pub type Weights = (Vec<f64>, Vec<f64>);
+
+/// From [M J^T; J 0]^T (u, w) = (a^, lam^).
+pub fn by_saddle(by: &Kkt, at: &Adjoint) -> Result<Weights> {
+    let (u, w) = by.solve_transposed(&column(&at.acceleration), &column(&at.lam))?;
+    Ok((u.as_slice().to_vec(), w.as_slice().to_vec()))
+}
+
+/// The same at a motion for which nothing is factorised: by the recursion over the tree where that serves.
+pub fn by_inertia(eq: &Equations<'_, f64>, m: &Motion<f64>, at: &Adjoint) -> Result<Weights> {
+    match eq.tree_solution(m, &at.acceleration) {
+        Some(u) => Ok((u, vec![0.0; at.lam.len()])),
+        None => by_saddle(&accelerating(eq, m)?.0, at),
+    }
+}
+
 /// Accelerations and multipliers of an instant by its poses, rates and what laws remembered.
 pub fn accelerations_back(
     recorder: &mut Recorder<'_>,
     there: &Motion<f64>,
     end: &Instant,
-    by: &Kkt,
+    (u, w): Weights,
     at: &mut Adjoint,
     before: &mut Adjoint,
-) -> Result<()> {
-    let (u, w) = by.solve_transposed(&column(&at.acceleration), &column(&at.lam))?;
-    let (hand, (u, w)) = (&mut recorder.hand, (u.as_slice(), w.as_slice()));
-    let mut found = hand.balance(there, &end.acceleration, &end.lam, (u, &[]), 1.0, 0.0);
+) {
+    let hand = &mut recorder.hand;
+    let mut found = hand.balance(there, &end.acceleration, &end.lam, (&u, &[]), 1.0, 0.0);
     if !w.is_empty() {
-        let (q, rate) = hand.row_bias(there, &end.acceleration, w);
+        let (q, rate) = hand.row_bias(there, &end.acceleration, &w);
         add(&mut found.q, &q);
         add(&mut found.rate, &rate);
     }
     add_numbers(recorder.eq, there, &found.q, &mut at.q);
     add(&mut at.rate, &found.rate);
     add(&mut before.memory, &found.memory);
-    Ok(())
 }
 
 /// Rates of the end by its poses (added to `at`) and by those before (returned).

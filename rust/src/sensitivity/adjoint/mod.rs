@@ -40,8 +40,8 @@ fn first_back(
 ) -> Result<Adjoint> {
     at.first();
     let mut before = at.clone();
-    let (m, by) = (&first.motion, starting.accelerating());
-    closing::accelerations_back(recorder, m, first, by, &mut at, &mut before)?;
+    let solved = closing::by_saddle(starting.accelerating(), &at)?;
+    closing::accelerations_back(recorder, &first.motion, first, solved, &mut at, &mut before);
     Ok(at)
 }
 

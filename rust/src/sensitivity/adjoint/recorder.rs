@@ -42,6 +42,11 @@ impl Adjoint {
         }
     }
 
+    /// Is anything read of accelerations or multipliers?
+    pub fn feels_acceleration(&self) -> bool {
+        self.acceleration.iter().chain(&self.lam).any(|d| *d != 0.0)
+    }
+
     /// What the first step takes from the accelerations.
     pub fn first(&mut self) {
         if let Some(load) = &self.load {

@@ -10,10 +10,9 @@ use crate::integrate::dop853_numbers::Row;
 use crate::integrate::{Equations, Instant};
 use crate::multibody::rotations::Maps;
 
-use super::super::closing::accelerating;
 use super::super::march::Here;
 use super::super::runge_kutta::{Stages, end_row, slope_maps, stage_row};
-use super::closing::{accelerations_back, ended_back, turned_back};
+use super::closing::{accelerations_back, by_inertia, ended_back, turned_back};
 use super::increments::{add_numbers, before_move, by_increments};
 use super::recorder::{Adjoint, Recorder, add, state_rates_back};
 
@@ -71,10 +70,10 @@ pub fn step_back(
         }
         add(&mut at.acceleration, &slope.v);
         let mut y = slope_back(eq, (&own.increment, &motion.rate), &slope.y, &mut at.rate);
-        if at.acceleration.iter().chain(&at.lam).any(|d| *d != 0.0) {
-            let factor = accelerating(eq, motion)?.0;
+        if at.feels_acceleration() {
+            let solved = by_inertia(eq, motion, &at)?;
             let mut held = Adjoint::none(from);
-            accelerations_back(recorder, motion, &own.at, &factor, &mut at, &mut held)?;
+            accelerations_back(recorder, motion, &own.at, solved, &mut at, &mut held);
             add(&mut at.memory, &held.memory);
         }
         let q = by_increments(eq, motion, &at.q);
