@@ -213,16 +213,13 @@ def _cost_of_chains() -> Row:
     for n in (24, 72, 144):
         m, names = slanting(n)
         psi = mb.Final(lambda s, n=n: s.position(f"b{n - 1}")[1])
-        options = {"rtol": 1e-9}
-        primal, own = (
-            cpu(run, repeats=3, least=0.0)
-            for run in (
-                lambda m=m: mb.simulate(m, 1.0, method="explicit", coordinates="tree", **options),
-                lambda m=m, names=names, psi=psi: mb.gradient(
-                    m, psi, names, t=1.0, scheme="explicit", method="adjoint", **options
-                ),
-            )
-        )
+        runs = [
+            lambda m=m: mb.simulate(m, 1.0, method="explicit", coordinates="tree", rtol=1e-9),
+            lambda m=m, names=names, psi=psi: mb.gradient(
+                m, psi, names, t=1.0, scheme="explicit", method="adjoint", rtol=1e-9
+            ),
+        ]
+        primal, own = (cpu(one, repeats=3, least=0.0) for one in runs)
         parts.append((n, own / primal))
     return Row(
         "explicit: the same of chains of n bodies, n_p = 3 n, 1 s, rtol 1e-9",

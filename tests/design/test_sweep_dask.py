@@ -158,5 +158,5 @@ def test_a_sweep_says_that_the_workers_left_before_it_fetched_a_result(monkeypat
             return fetch(pool, future)
 
         monkeypatch.setattr(pools.Cluster, "chunk", leave_first)
-        with pytest.raises(mb.RouteError, match="^the cluster of Dask has had no worker for 1 s"):
+        with pytest.raises(mb.RouteError, match=r"^the cluster of Dask has had no worker for 1 s"):
             mb.sweep(scenes.model(), scenes.designs(8), scenes.numbers, executor=alone, chunk=2)
