@@ -77,14 +77,17 @@ impl Topology {
         let geometry = Geometry::<f64>::derive(tables, &tables.x);
         let drawn = |body: BodyRef| body.map_or_else(M3::identity, |b| geometry.bodies[b].drawn.r);
         let hinges = |a: BodyRef, b: BodyRef, axis: &V3<f64>| -> Turning {
-            let (between, side) = (self.nodes_between(a, b), self.above(b));
-            let dofs = between.iter().flat_map(|n| self.nodes[*n].first..self.nodes[*n].first + self.nodes[*n].n);
-            dofs.filter_map(|d| {
+            let own = |(n, of_b): (usize, bool)| {
+                let node = &self.nodes[n];
+                (node.first..node.first + node.n).map(move |d| (d, of_b))
+            };
+            let dofs = self.sides_between(a, b).into_iter().flat_map(own);
+            dofs.filter_map(|(d, of_b)| {
                 let dof = &self.dofs[d];
                 let node = &self.nodes[dof.node];
                 let frame = self.hinge_frame(node, dof, &geometry)?;
                 let along = (drawn(frame.0) * frame.1).column(dof.freedom.axis).dot(axis);
-                let sign = if side[dof.node] { dof.sign } else { -dof.sign };
+                let sign = if of_b { dof.sign } else { -dof.sign };
                 (along.abs() > NEARLY_PARALLEL).then(|| (d, sign * along.signum()))
             })
             .collect()
@@ -102,17 +105,6 @@ impl Topology {
     fn hinge_frame(&self, node: &Node, dof: &Dof, geometry: &Geometry<f64>) -> Option<(BodyRef, M3<f64>)> {
         let joint = node.joint.filter(|_| dof.freedom.rotation && node.kind.quaternion().is_none())?;
         Some((self.tables.joints[joint].a, geometry.joints[joint].a.r))
-    }
-
-    /// Which nodes carry a body, itself included.
-    fn above(&self, body: BodyRef) -> Vec<bool> {
-        let mut out = vec![false; self.nodes.len()];
-        let mut next = self.node(body);
-        while let Some(node) = next {
-            out[node] = true;
-            next = self.nodes[node].parent;
-        }
-        out
     }
 }
 

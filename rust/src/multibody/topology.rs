@@ -275,13 +275,19 @@ impl Topology {
 
     /// The nodes on the way between two bodies, their common carrier left out.
     pub fn nodes_between(&self, a: BodyRef, b: BodyRef) -> Vec<usize> {
+        self.sides_between(a, b).into_iter().map(|(node, _)| node).collect()
+    }
+
+    /// The same, and for each whether it carries b and not a.
+    pub fn sides_between(&self, a: BodyRef, b: BodyRef) -> Vec<(usize, bool)> {
         let depth = |n: Option<usize>| n.map_or(-1, |n| self.nodes[n].depth as i64);
         let (mut i, mut j) = (self.node(a), self.node(b));
         let mut between = Vec::new();
         while i != j {
-            let side = if depth(j) >= depth(i) { &mut j } else { &mut i };
+            let of_b = depth(j) >= depth(i);
+            let side = if of_b { &mut j } else { &mut i };
             let Some(node) = *side else { break };
-            between.push(node);
+            between.push((node, of_b));
             *side = self.nodes[node].parent;
         }
         between
