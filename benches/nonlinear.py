@@ -133,7 +133,10 @@ def _per_point(system: Any, force: np.ndarray, most: int = 1000, repeats: int = 
         branch = mb.Branch(system, force=force, omega=(0.8, 1.3), harmonics=7, stability=False, **more)
         middle = time.process_time()
         points = branch.run(most)
-        once = Timed((time.process_time() - middle) / points, middle - begin, points, branch.setup.route)
+        spent = time.process_time() - middle
+        if branch.curve().status == "stopped":
+            raise RuntimeError(f"a curve of {len(force)} coordinates stopped after {points} points")
+        once = Timed(spent / points, middle - begin, points, branch.setup.route)
         best = once if best is None or once.whole < best.whole else best
     assert best is not None
     return best

@@ -1,8 +1,10 @@
 """Finely divided structures, of which rounding leaves little after condensation: right, or refused."""
 
 import mbrs as mb
+import mpmath as mp
 import numpy as np
 import pytest
+import scipy.sparse as sp
 from mbrs import _core
 from mbrs.errors import SingularError
 from mbrs.linear.matrices import MechanicalSystem
@@ -13,6 +15,7 @@ from mbrs.nonlinear.periodic import harmonic_balance
 from problems import hinged_beam
 
 DAMPING = 0.02
+slow = pytest.mark.slow
 
 
 def beam(elements, law=1e-9):
@@ -60,6 +63,78 @@ def test_rounding_of_a_divided_beam_leaves_six_digits(elements):
         off.append(abs(one.coefficient(middle) / by_elements(elements, omega) - 1))
     print(f"beam of {elements} elements: error {max(off):.1e}")
     assert max(off) < 1e-6
+
+
+def of_the_given_numbers(system, force, place, omega):
+    """One coordinate of (K - w^2 M + i w C) x = f by elimination in 50 digits; the band is three wide."""
+    mp.mp.dps = 50
+    w, band = mp.mpf(omega), range(1, 4)
+    M, C, K = (a.tolil() for a in (system.M, system.C, system.K))
+    n = len(force)
+    z = lambda i, j: mp.mpf(K[i, j]) - w * w * mp.mpf(M[i, j]) + 1j * w * mp.mpf(C[i, j])  # noqa: E731
+    rows = [{j: z(i, j) for j in range(max(0, i - 3), min(n, i + 4))} for i in range(n)]
+    right = [mp.mpf(f) for f in force]
+    for k in range(n):
+        for i in (k + d for d in band if k + d < n):
+            part = rows[i][k] / rows[k][k]
+            for j in (k + d for d in band if k + d < n):
+                rows[i][j] = rows[i].get(j, 0) - part * rows[k][j]
+            right[i] -= part * right[k]
+    x = [mp.mpc(0)] * n
+    for i in reversed(range(n)):
+        x[i] = (right[i] - sum(rows[i][i + d] * x[i + d] for d in band if i + d < n)) / rows[i][i]
+    return complex(x[place])
+
+
+@pytest.mark.parametrize("elements", [10, 20, 40, 100, pytest.param(300, marks=slow), pytest.param(1500, marks=slow)])
+def test_the_stated_error_holds_what_rounding_leaves(elements):
+    """By all routes: all coordinates (10), modes (20, 40), bands, bands that are refined (1500)."""
+    system, force, middle = beam(elements, law=1e-30)
+    ratios = []
+    for omega in (0.9, 1.05, 3.0):
+        one = harmonic_balance(system, force=force, omega=omega, harmonics=1)
+        true = abs(one.coefficient(middle) / of_the_given_numbers(system, force, middle, omega) - 1)
+        ratios.append(max(true, 1e-16) / one.error)
+    print(
+        f"beam of {elements} elements ({one.stats.route}): true over stated error {min(ratios):.1e} to {max(ratios):.1e}"
+    )
+    assert min(ratios) > 1e-3 and max(ratios) < 3
+
+
+def row_of_masses(n):
+    """Masses of 1 between walls, the lowest natural frequency 1, damping .01 of both kinds, a spring and a force at the middle."""
+    stiffness = 1.0 / (4 * np.sin(np.pi / (2 * (n + 1))) ** 2)
+    K = stiffness * sp.diags([2 * np.ones(n), -np.ones(n - 1), -np.ones(n - 1)], [0, 1, -1], format="csc")
+    M, w = sp.identity(n, format="csc"), np.zeros(n)
+    w[n // 2] = 1.0
+    stiff = (n + 1) / 2
+    return MechanicalSystem(M, 0.01 * (M + K), K, elements=[Cubic(2e-4 * stiff, w=w)]), 0.02 * stiff * w
+
+
+def condensed(n, omega):
+    """Dynamic stiffness that the middle of the row feels, in closed form (hyperbolic sines of the wave number)."""
+    mp.mp.dps = 40
+    spring = mp.mpf(float(1.0 / (4 * np.sin(np.pi / (2 * (n + 1))) ** 2))) * (1 + 0.01j * mp.mpf(omega))
+    own = 2 * spring - mp.mpf(omega) ** 2 + 0.01j * mp.mpf(omega)
+    number = mp.acosh(own / (2 * spring))
+    part = lambda m: mp.sinh((m + 1) * number) / mp.sinh(number)  # noqa: E731
+    return complex(spring * part(n) / (part(n // 2) * part(n - n // 2 - 1)))
+
+
+@pytest.mark.slow
+def test_a_row_of_which_rounding_leaves_six_digits_is_followed():
+    """Its curve stopped after four points: steps of Newton's method stay at 1e-7, which is what rounding makes of the equations."""
+    n = 100_000
+    system, force = row_of_masses(n)
+    branch = mb.Branch(system, force=force, omega=(0.8, 1.3), harmonics=1, stability=False)
+    assert branch.run(12) == 12
+    curve = branch.curve()
+    for i, omega in enumerate(curve.omega):
+        x = curve.point(i).coefficient(n // 2)
+        push = 0.75 * 2e-4 * (n + 1) / 2 * abs(x) ** 2 * x
+        miss = abs(condensed(n, omega) * x + push - force[n // 2]) / force[n // 2]
+        print(f"{omega:.5f} rad/s: residual in the closed form {miss:.1e}, stated error {curve.error[i]:.1e}")
+        assert miss < 3 * curve.error[i] and curve.error[i] < 1e-5
 
 
 @pytest.mark.slow

@@ -83,7 +83,8 @@ pub fn solve(problem: &mut Problem, z: &mut [f64], options: Options, cancel: &Ca
     newton::solve(&mut cycle, z, 0.0, options, &mut out, cancel)
 }
 
-/// Relative error of the coefficients and of the frequency: one Newton step with more terms and samples.
+/// Relative error of the coefficients and of the frequency: one Newton step with more terms and samples, and one by what rounding of the
+/// equations may change.
 pub fn estimate(problem: &Problem, z: &[f64], finer: &Finer) -> Result<f64> {
     let n = z.len() - 1;
     let mut larger = problem.on(problem.basis.extended(&finer.extra), &finer.dims)?;
@@ -94,11 +95,18 @@ pub fn estimate(problem: &Problem, z: &[f64], finer: &Finer) -> Result<f64> {
     let mut cycle = Cycle::new(&mut larger, &extended[..size]);
     let mut out = Linearisation::new(size + 1);
     cycle.linearise(&extended, 0.0, &mut out)?;
-    let mut step = faer::Mat::from_fn(size + 1, 1, |i, _| out.residual[i]);
+    let rounding = larger.row_rounding(&extended[..size]);
+    let mut step = faer::Mat::from_fn(size + 1, 2, |i, column| match column {
+        0 => out.residual[i],
+        _ => rounding.get(i).copied().unwrap_or(0.0),
+    });
     out.jacobian.partial_piv_lu().solve_in_place(&mut step);
     let weights = problem.weights();
     let weight = |i: usize| weights[i % weights.len()];
     let largest = nan_or_largest((0..n).map(|i| (z[i] * weight(i)).abs()));
-    let change: f64 = (0..size).map(|i| (step[(i, 0)] * weight(i)).powi(2)).sum::<f64>().sqrt() / largest;
-    Ok(change + (step[(size, 0)] / z[n]).abs())
+    let change = |column: usize| {
+        let coefficients = (0..size).map(|i| (step[(i, column)] * weight(i)).powi(2)).sum::<f64>().sqrt();
+        coefficients / largest + (step[(size, column)] / z[n]).abs()
+    };
+    Ok(change(0) + change(1))
 }

@@ -1,6 +1,7 @@
 //! How far a truncated solution may be off: one Newton step on a larger set of terms and a finer grid, started at the solution.
 //!
-//! The step holds both the omitted terms and what they change in the retained ones, and through the finer grid the aliasing.
+//! The step holds both the omitted terms and what they change in the retained ones, and through the finer grid the aliasing. What rounding of
+//! the equations may change is added: a step by eps times the sizes of what their rows are summed of.
 //! Source: docs/theory.md (11.9).
 use faer::prelude::*;
 
@@ -18,7 +19,9 @@ pub struct Estimator {
 /// The first two relative to the largest coefficient, coordinates weighed by `Problem::weights`.
 #[derive(Debug, Clone, Default)]
 pub struct Estimate {
+    /// the part of the omitted terms, and what rounding may change
     pub error: f64,
+    pub rounding: f64,
     /// what the finer grid alone changes in the retained terms
     pub aliasing: f64,
     /// the part of even terms that were left out
@@ -32,6 +35,7 @@ impl Estimate {
     pub fn larger(&self, other: &Estimate) -> Estimate {
         Estimate {
             error: self.error.max(other.error),
+            rounding: self.rounding.max(other.rounding),
             aliasing: self.aliasing.max(other.aliasing),
             even: self.even.max(other.even),
             deviations: self.deviations.iter().zip(&other.deviations).map(|(a, b)| a.max(*b)).collect(),
@@ -43,7 +47,13 @@ impl Estimate {
         let weights = problem.weights();
         let weighed = amplitudes(y, problem.n()).zip(weights.iter().cycle()).map(|(a, w)| a * w);
         let size = error * nan_or_largest(weighed);
-        Estimate { error, aliasing: error, even: error, deviations: weights.iter().map(|w| size / w).collect() }
+        Estimate {
+            error,
+            rounding: 0.0,
+            aliasing: error,
+            even: error,
+            deviations: weights.iter().map(|w| size / w).collect(),
+        }
     }
 }
 
@@ -66,14 +76,13 @@ impl Estimator {
         self.y[..y.len()].copy_from_slice(y);
         self.larger.linearise_here(&self.y, &mut self.out)?;
         let n_own = y.len();
-        let mut steps =
-            faer::Mat::from_fn(
-                self.y.len(),
-                2,
-                |i, column| {
-                    if column == 0 || i < n_own { self.out.residual[i] } else { 0.0 }
-                },
-            );
+        let rounding = self.larger.row_rounding(&self.y);
+        let mut steps = faer::Mat::from_fn(self.y.len(), 3, |i, column| match column {
+            0 => self.out.residual[i],
+            1 if i < n_own => self.out.residual[i],
+            2 => rounding[i],
+            _ => 0.0,
+        });
         self.out.jacobian.partial_piv_lu().solve_in_place(&mut steps);
         let step = steps.col_as_slice(0);
         let n = problem.n();
@@ -86,8 +95,9 @@ impl Estimator {
         // on the grid of the solution the first residuals vanish
         let relative = |sums: &[f64]| nan_or_largest(sums.iter().zip(&weights).map(|(d, w)| d * w)) / largest;
         let aliasing = relative(&coordinate_sums(&steps.col_as_slice(1)[..n_own], n));
+        let rounding = relative(&coordinate_sums(&steps.col_as_slice(2)[..n_own], n));
         let even = relative(&coordinate_sums(&self.even_extra(step, n_own), n));
-        Ok(Estimate { error: relative(&deviations), aliasing, even, deviations })
+        Ok(Estimate { error: relative(&deviations) + rounding, rounding, aliasing, even, deviations })
     }
 
     /// The step without its own terms and without odd ones.

@@ -62,6 +62,10 @@ pub trait DynamicStiffness: Send {
     fn sizes(&self, _w: f64, out: &mut [f64]) {
         out.fill(0.0);
     }
+    /// The same, with what is uncertain in numbers that S is made of.
+    fn uncertain_sizes(&self, w: f64, out: &mut [f64]) {
+        self.sizes(w, out);
+    }
     /// All coordinates, given the retained ones and the factor on the force.
     fn expand(&mut self, w: f64, term: usize, factor: f64, y: &[c64], x: &mut [c64]) -> Result<()>;
     /// The retained coordinates, by their numbers in the system.

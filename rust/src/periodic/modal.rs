@@ -44,6 +44,23 @@ impl Modes {
         self.modal_forces = self.forces.iter().map(|f| f.as_ref().filter(moves).map(project)).collect();
     }
 
+    /// Sums of the absolute terms of S, given what the pole of a mode is uncertain in proportion to.
+    fn sizes(&self, w: f64, uncertain: impl Fn(usize) -> f64, out: &mut [f64]) {
+        let n_r = self.retained.len();
+        let size = |parts: &[Vec<f64>; 3], at: usize| {
+            parts[2][at].abs() + w * w * parts[0][at].abs() + (w * parts[1][at]).abs()
+        };
+        for (at, out) in out.iter_mut().enumerate() {
+            let (i, j) = (at / n_r, at % n_r);
+            let mode = |k: usize| {
+                let pole = self.pole(k, w).norm();
+                let growth = 1.0 + (uncertain(k) + w * w) / pole;
+                size(&self.lr, k * n_r + i) * size(&self.lr, k * n_r + j) / pole * growth
+            };
+            *out = size(&self.rr, at) + (0..self.local.len()).map(mode).sum::<f64>();
+        }
+    }
+
     fn pole(&self, k: usize, w: f64) -> c64 {
         c64::new(self.stiffness[k] - w * w, w * self.damping[k])
     }
@@ -165,20 +182,13 @@ impl DynamicStiffness for Modal {
     }
 
     fn sizes(&self, w: f64, out: &mut [f64]) {
-        let modes = &self.0;
-        let n_r = modes.retained.len();
-        let size = |parts: &[Vec<f64>; 3], at: usize| {
-            parts[2][at].abs() + w * w * parts[0][at].abs() + (w * parts[1][at]).abs()
-        };
-        for (at, out) in out.iter_mut().enumerate() {
-            let (i, j) = (at / n_r, at % n_r);
-            let mode = |k: usize| {
-                let pole = modes.pole(k, w).norm();
-                let growth = 1.0 + (modes.stiffness[k].abs() + w * w) / pole;
-                size(&modes.lr, k * n_r + i) * size(&modes.lr, k * n_r + j) / pole * growth
-            };
-            *out = size(&modes.rr, at) + (0..modes.local.len()).map(mode).sum::<f64>();
-        }
+        self.0.sizes(w, |k| self.0.stiffness[k].abs(), out);
+    }
+
+    /// Squares of natural frequencies are found to eps times the largest one.
+    fn uncertain_sizes(&self, w: f64, out: &mut [f64]) {
+        let largest = self.0.stiffness.iter().fold(0.0_f64, |a, k| a.max(k.abs()));
+        self.0.sizes(w, |_| largest, out);
     }
 
     fn expand(&mut self, w: f64, term: usize, factor: f64, y: &[c64], x: &mut [c64]) -> Result<()> {

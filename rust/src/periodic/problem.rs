@@ -155,17 +155,26 @@ impl Problem {
     }
 
     /// Per term the sums of absolute terms, with the growth of a factorisation, to which the rounding of the entries of S is in
-    /// proportion.
-    pub fn entry_sizes(&self) -> Vec<Vec<f64>> {
+    /// proportion; `measured` tells those that blocks do not have.
+    pub fn entry_sizes(&self, measured: fn(&dyn DynamicStiffness, f64, &mut [f64])) -> Vec<Vec<f64>> {
         let size = |(j, w): (usize, f64)| {
             let mut out = self.blocks.each[j].s_growth.clone();
             if out.is_empty() {
                 out.resize(self.n * self.n, 0.0);
-                self.linear.sizes(w, &mut out);
+                measured(self.linear.as_ref(), w, &mut out);
             }
             out
         };
         self.all_frequencies().into_iter().enumerate().map(size).collect()
+    }
+
+    /// What rounding may change in each row of the residual of y, in the order of the residual. Errors of n terms leave the root of n of
+    /// their sum where their signs are those of chance, and all of it where steps of a factorisation repeat: a part between.
+    pub fn row_rounding(&self, y: &[f64]) -> Vec<f64> {
+        let entries = self.entry_sizes(|linear, w, out| linear.uncertain_sizes(w, out));
+        let share = (self.linear.full_size() as f64).cbrt().recip();
+        let of = |row: rows::Size| f64::EPSILON * (row.terms + share * row.grown);
+        rows::sizes(self, y, &entries).into_iter().map(of).collect()
     }
 
     /// Per element the largest coefficient of its force at the last evaluation.
@@ -486,7 +495,7 @@ impl Curve for Problem {
         self.set_parameter(parameter)?;
         let mut out = Linearisation::without_jacobian(y.len());
         self.run(y, &mut out, Want::Force)?;
-        let sizes = rows::sizes(self, y);
+        let sizes = rows::sizes(self, y, &self.entry_sizes(|linear, w, out| linear.sizes(w, out)));
         let excess = |(r, size): (&f64, &rows::Size)| {
             let allowed = tolerance * size.terms + ROW_ROUNDING * f64::EPSILON * size.rounding;
             if *r == 0.0 { 0.0 } else { r.abs() / allowed }

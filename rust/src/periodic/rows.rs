@@ -10,12 +10,14 @@ use super::problem::Problem;
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Size {
     pub terms: f64,
+    /// sizes of what the entries of S are summed of, times amplitudes
+    pub grown: f64,
     /// what rounding is in proportion to
     pub rounding: f64,
 }
 
-/// Of all rows, in the order of the residual.
-pub fn sizes(problem: &Problem, y: &[f64]) -> Vec<Size> {
+/// Of all rows, in the order of the residual, given the sizes of the entries of S per term.
+pub fn sizes(problem: &Problem, y: &[f64], entries: &[Vec<f64>]) -> Vec<Size> {
     let n = problem.n();
     let amplitude: Vec<f64> =
         (0..n).map(|i| y.iter().skip(i).step_by(n).fold(0.0_f64, |a, x| a.max(x.abs()))).collect();
@@ -26,7 +28,6 @@ pub fn sizes(problem: &Problem, y: &[f64]) -> Vec<Size> {
         }
     }
     let mut by_term: Vec<Vec<Size>> = Vec::new();
-    let entries = problem.entry_sizes();
     for (j, block) in problem.blocks().iter().enumerate() {
         let factor = problem.force_factor(j).0.abs();
         let row = |i: usize| {
@@ -34,7 +35,7 @@ pub fn sizes(problem: &Problem, y: &[f64]) -> Vec<Size> {
             let linear: f64 = s.iter().zip(&amplitude).map(|(s, a)| s.norm() * a).sum();
             let grown: f64 = entries[j][i * n..][..n].iter().zip(&amplitude).map(|(size, a)| size * a).sum();
             let terms = linear + pushes[i] + block.force[i].norm() * factor;
-            Size { terms, rounding: terms + grown }
+            Size { terms, grown, rounding: terms + grown }
         };
         by_term.push((0..n).map(row).collect());
     }

@@ -182,7 +182,8 @@ impl Refined {
     fn new(problem: &Problem, finer: &Finer, estimate: &Estimate, factor: i32) -> Result<Option<Refined>> {
         let own = &problem.basis.indices;
         let top = factor * (own.iter().map(|k| k[0]).max().unwrap_or(0) + 1);
-        let even = own.iter().any(|k| k[0] % 2 == 0) || estimate.even > SYMMETRIC * estimate.error;
+        let even =
+            own.iter().any(|k| k[0] % 2 == 0) || estimate.even > SYMMETRIC * (estimate.error - estimate.rounding);
         let wanted = (1..=top).filter(|h| even || h % 2 == 1).map(|h| vec![h]);
         let extra: Vec<Vec<i32>> = wanted.filter(|k| !own.contains(k)).collect();
         let basis = problem.basis.extended(&extra);

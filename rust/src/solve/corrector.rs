@@ -4,6 +4,7 @@ use faer::prelude::*;
 
 use super::{Curve, Linearisation, nan_or_largest};
 use crate::error::Result;
+use crate::tolerances::periodic::FELT;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Predictor {
@@ -240,7 +241,7 @@ pub(super) fn correct(
         }
         turning.iter_mut().enumerate().for_each(|(i, t)| *t = work.rhs[(i, 1)] / length);
         // rounding of the equations may keep the step above the tolerance, where it no longer gets smaller
-        let stuck = iterations > 3 && size <= f64::EPSILON.sqrt() && size > 0.1 * last;
+        let stuck = iterations > 3 && size <= FELT && size > 0.1 * last;
         if size <= options.tolerance || stuck {
             for i in 0..=n {
                 z[i] = x[i] * scale[i];

@@ -6,6 +6,7 @@ use faer::prelude::*;
 use super::{Curve, Linearisation, nan_or_largest};
 use crate::error::Result;
 use crate::run::Cancel;
+use crate::tolerances::periodic::FELT;
 
 #[derive(Debug, Clone, Copy)]
 pub struct Options {
@@ -72,7 +73,7 @@ pub fn solve(
             damping *= 0.5;
             if damping < f64::EPSILON.sqrt() {
                 // what an ill-conditioned Jacobian may keep above the tolerance
-                if step_size <= f64::EPSILON.sqrt() && curve.row_excess(y, parameter, options.tolerance)? <= 1.0 {
+                if step_size <= FELT && curve.row_excess(y, parameter, options.tolerance)? <= 1.0 {
                     return Ok(Outcome { converged: true, iterations, step: step_size, reason: "rounding" });
                 }
                 return Ok(gave_up(iterations, step_size, "no step reduces the residual"));

@@ -7,8 +7,9 @@
 pub const LEAST_SCALE: f64 = 1e-6;
 
 /// Part of the natural size of an entry of the condensed dynamic stiffness that rounding of a factorisation may change, by its bound,
-/// before the entry is refined. Free of units. Too large: curves of finely divided structures carry the rounding; too small: refinements
-/// that change nothing. Pinned by `test_rounding_of_a_divided_beam_leaves_six_digits`, from above. Not seen from below: beams of tests gain
+/// before the entry is refined, and part of a solution that a step of Newton's method may change which no step makes smaller. Free of
+/// units. Too large: curves of finely divided structures carry the rounding; too small: refinements that change nothing, and curves of
+/// long chains that stop. Pinned by `test_rounding_of_a_divided_beam_leaves_six_digits`, from above. Not seen from below: beams of tests gain
 /// the eighth digit at most.
 pub const FELT: f64 = 1e-6;
 
@@ -18,9 +19,9 @@ pub const FELT: f64 = 1e-6;
 pub const LANE_PRODUCT: f64 = 2.0;
 
 /// Half-bandwidth times coordinates, 400 bytes each, up to which a band is factorised at eight frequencies at once. A count. Larger: memory
-/// of hundreds of megabytes. Smaller: long chains are factorised frequency by frequency. Only speed and memory depend on it. Pinned by
+/// of many hundreds of megabytes. Smaller: long chains are factorised frequency by frequency. Only speed and memory depend on it. Pinned by
 /// `narrow_bands_are_condensed_in_lanes`, from above. Not seen from below: only speed depends on it.
-pub const MOST_LANES: f64 = 2e5;
+pub const MOST_LANES: f64 = 5e5;
 
 /// Rounding of a row of equations, in units of eps times the sum of its absolute terms; of a law's state after a period, in units of eps
 /// and the number of samples. Free of units. Too large: points and states that solve nothing pass; too small: points that are as good as
