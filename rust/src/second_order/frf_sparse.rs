@@ -1,4 +1,5 @@
-//! Transfer functions of large sparse systems: one ordering, then one complex factorisation per frequency.
+//! Transfer functions of large sparse systems: one ordering, then one complex factorisation per frequency, whose solutions are corrected
+//! by residuals in twice the precision until rounding is all that is left.
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::sparse::SparseColMatRef;
 use faer::sparse::linalg::lu::{LuRef, NumericLu, SymbolicLu, factorize_symbolic_lu};
@@ -6,8 +7,12 @@ use faer::{Conj, Mat, MatRef, Par, c64};
 
 use super::ports::{Ports, complex, i_omega};
 use crate::error::{Error, Result};
+use crate::linalg::double_double::Dd;
 use crate::linalg::sparse::Csc;
 use crate::run::{Cancel, Counts};
+
+/// Corrections of a solution at most.
+const CORRECTIONS: usize = 8;
 
 pub struct SparseSystem {
     /// the union of all patterns, its values do not matter
@@ -21,7 +26,7 @@ pub struct SparseSystem {
 pub struct SparseValues {
     /// (n_out, n_in, n_freq), last index fastest
     pub h: Vec<c64>,
-    /// largest relative correction that one step of refinement made
+    /// largest relative correction that another step of refinement would make
     pub error: f64,
     pub singular: Vec<usize>,
     pub counts: Counts,
@@ -85,7 +90,7 @@ impl SparseSystem {
         Ok(SparseValues { h, error, singular, counts })
     }
 
-    /// Z^-1 F after one step of refinement, and how much that step changed; None where Z is singular.
+    /// Z^-1 F, refined, and what another step would change; None where Z is singular.
     fn solve(&self, w: f64, f: MatRef<'_, c64>) -> Result<Option<(Mat<c64>, f64)>> {
         let value: Vec<c64> = (0..self.s.len())
             .map(|k| c64::new(self.s[k] - w * w * self.m[k], self.d.get(k).map_or(0.0, |d| w * d)))
@@ -116,21 +121,45 @@ impl SparseSystem {
         };
         let mut x = f.to_owned();
         apply(&mut x);
-        let mut correction = self.residual(&value, x.as_ref(), f);
-        apply(&mut correction);
-        let ratio = correction.norm_l2() / x.norm_l2().max(f64::MIN_POSITIVE);
-        if !ratio.is_finite() || ratio > 0.1 {
-            return Ok(None);
+        let (mut contraction, mut error) = (None, f64::INFINITY);
+        for _ in 0..CORRECTIONS {
+            let mut correction = self.residual(w, x.as_ref(), f);
+            apply(&mut correction);
+            let ratio = correction.norm_l2() / x.norm_l2().max(f64::MIN_POSITIVE);
+            let first = *contraction.get_or_insert(ratio);
+            if !ratio.is_finite() || first > 0.1 {
+                return Ok(None);
+            }
+            x += correction;
+            // each correction leaves of the error the part that the first one was of the solution
+            error = first * ratio;
+            if error <= f64::EPSILON {
+                break;
+            }
         }
-        x += correction;
-        Ok(Some((x, ratio)))
+        Ok(Some((x, error)))
     }
 
-    fn residual(&self, value: &[c64], x: MatRef<'_, c64>, f: MatRef<'_, c64>) -> Mat<c64> {
+    /// f - Z(i w) x in twice the precision.
+    fn residual(&self, w: f64, x: MatRef<'_, c64>, f: MatRef<'_, c64>) -> Mat<c64> {
+        let w2 = Dd::product(w, w);
         let mut r = f.to_owned();
         for c in 0..x.ncols() {
-            for ((i, j, _), v) in self.pattern.entries().zip(value) {
-                r[(i, c)] -= v * x[(j, c)];
+            let mut parts = vec![[Dd::new(0.0); 6]; f.nrows()];
+            for (i, j, at) in self.pattern.entries().enumerate().map(|(at, (i, j, _))| (i, j, at)) {
+                let (x, to) = (x[(j, c)], &mut parts[i]);
+                let values = [self.s[at], self.m[at], self.d.get(at).copied().unwrap_or(0.0)];
+                for (pair, v) in to.chunks_exact_mut(2).zip(values) {
+                    pair[0].add_product(v, x.re);
+                    pair[1].add_product(v, x.im);
+                }
+            }
+            for (i, sums) in parts.into_iter().enumerate() {
+                let [s_re, s_im, m_re, m_im, d_re, d_im] = sums.map(Dd::normalised);
+                let damped = |part: Dd| Dd::new(w).times(part);
+                let re = Dd::new(f[(i, c)].re).minus(s_re).plus(w2.times(m_re)).plus(damped(d_im));
+                let im = Dd::new(f[(i, c)].im).minus(s_im).plus(w2.times(m_im)).minus(damped(d_re));
+                r[(i, c)] = c64::new(re.value(), im.value());
             }
         }
         r
