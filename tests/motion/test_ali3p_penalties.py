@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import jitter
 import mbrs as mb
+import motion_problems as zoo
 import numpy as np
 import pytest
 
@@ -80,3 +81,10 @@ def test_a_tree_has_nothing_to_penalise():
     other = mb.simulate(m, t=0.5, method="ali3p", step=1e-2)
     assert np.array_equal(one.joint("hinge"), other.joint("hinge"))
     assert "multiplier passes" not in one.stats.counts and one.stats.measures[NAMES[0]] == 0.0
+
+
+def test_steps_are_not_solved_below_rounding():
+    """What the last correction leaves is foreseen by how fast they shrink."""
+    counts = mb.simulate(zoo.governor().model, 0.5, method="ali3p", step=1e-3).stats.counts
+    print(counts)
+    assert counts["iterations"] < 1.6 * counts["steps"]

@@ -508,3 +508,23 @@ def test_steps_that_end_at_breaks_leave_no_gap(method):
     exact = 3.0 + sum(rate / 2.0 * (1.0 - start) ** 3 / 6.0 for start in starts)
     found = mb.simulate(m, t=1.0, rtol=1e-12, method=method).position("b")[-1, 0]
     assert found == pytest.approx(exact, rel=2e-12)
+
+
+@pytest.mark.parametrize("method", ["generalized-alpha", "bdf"])
+def test_breaks_beside_the_grid_of_fixed_steps_are_on_it(method):
+    """Steps of 12 where a thrust begins to rise beside the end of the seventh one, and where a second one does so behind it."""
+    h, axis = 0.0137, np.array([0.48, 0.6, 0.64])
+
+    def steps(*off):
+        m = mb.Model("pushed")
+        b = m.body("b", mass=2.0, inertia=(1, 1, 1), velocity=3.0 * axis)
+        m.prismatic("rail", m.ground, b, at=(0, 0, 0), axis=axis)
+        for i, part in enumerate(off):
+            m.force(f"push{i}", b, at=(0, 0, 0), value=tuple(mb.Ramp(rate=4.0 * a, start=(7 + part) * h) for a in axis))
+        return len(mb.simulate(m, t=12 * h, step=h, method=method).steps) - 1
+
+    assert [steps(off) for off in (0.0, -1e-7, 1e-10)] == [12, 12, 12]
+    # by themselves further away
+    assert [steps(off) for off in (-1e-5, 1e-8)] == [13, 13]
+    # and beside each other where they are instants of their own
+    assert [steps(0.3, 0.3 + off) for off in (1e-14, 3e-12)] == [13, 14]

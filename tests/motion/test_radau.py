@@ -187,6 +187,19 @@ def test_matrices_are_kept_and_the_explicit_method_has_none():
     assert 0 < counts["tangents"] < 0.8 * counts["steps"] and counts["factorisations"] < counts["iterations"]
 
 
+def test_work_of_steps_that_keep_matrices_and_lengths():
+    """Neither are corrections made in vain with old matrices, nor matrices and factors where old ones would do."""
+    (governor, linkage), tight = (
+        [mb.simulate(p.model, 1.0, rtol=1e-6, method="radau").stats.counts for p in (zoo.governor(), zoo.five_bar())],
+        mb.simulate(zoo.five_bar().model, 1.0, rtol=1e-8, method="radau").stats.counts,
+    )
+    print(governor, linkage, tight)
+    assert governor["iterations"] < 165
+    assert linkage["iterations"] < 155 and linkage["factorisations"] < 25
+    assert linkage["position projections"] < 1.5 * linkage["steps"]  # closed loops are not closed again
+    assert tight["tangents"] < 12
+
+
 def test_a_restart_goes_on():
     m = zoo.governor().model
     whole = mb.simulate(m, [0.4, 1.0], rtol=1e-8, method="radau")

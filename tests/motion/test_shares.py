@@ -39,3 +39,11 @@ def test_damped_motions_take_no_steps_for_errors_that_die_out(method):
         steps.append(counts["steps"] + counts.get("trial steps", 0))
     print(f"{method}: {steps} steps")
     assert steps[1] < 6 * steps[0] and np.isfinite(steps).all()
+
+
+def test_a_trial_costs_little_and_tells_how_much_of_errors_lasts():
+    problem = zoo.SMOOTH["four_bars"]()
+    traj = mb.simulate(problem.model, [0.3 * problem.t], rtol=1e-6, method="ali3p")
+    error, counts = problem.error_of(traj), traj.stats.counts
+    print(f"{error:.1e}, {counts}")
+    assert error < 1.5e-6 and 0 < counts["trial steps"] < 0.15 * counts["steps"]

@@ -8,6 +8,7 @@ from __future__ import annotations
 import warnings
 
 import mbrs as mb
+import motion_problems as zoo
 import numpy as np
 import pytest
 from mbrs.errors import ConvergenceError
@@ -179,3 +180,10 @@ def test_a_drive_that_cannot_go_on_is_named(method):
         assert "the drive 'winch'" in why and "lose rank" in why
         assert "let the drive end before it" in why and "start elsewhere" not in why and len(why) <= 500
         assert abs(traj.steps[-1] - end) < 1e-3 * end and work < 1e5
+
+
+def test_a_linkage_far_from_its_singular_poses_looks_for_none():
+    """Each look ahead factorises the mass matrix."""
+    counts = mb.simulate(zoo.slider_crank().model, 1.0, rtol=1e-6, method="bdf").stats.counts
+    print(counts)
+    assert counts["mass factorisations"] < 3 * counts["steps"]

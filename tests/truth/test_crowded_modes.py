@@ -33,6 +33,21 @@ def test_crowded_lowest_modes(n, ground):
     assert "inertia" in r.stats.route
 
 
+@pytest.mark.parametrize(("n", "factors"), [(400, 5), (1500, 6)])
+def test_a_free_chain_of_springs_of_all_sizes(n, factors):
+    """Of K = B^T B the roots are singular values of B, which is bidiagonal: LAPACK finds all of their digits."""
+    k = np.exp(np.random.default_rng(0).uniform(-8, 8, n - 1))
+    K = sp.diags([np.r_[k, 0] + np.r_[0, k], -k, -k], [0, 1, -1]).tocsr()
+    r = mb.modes(mb.MechanicalSystem(sp.identity(n).tocsr(), K=K), n=8)
+    print(f"{n}: {r.error}, {r.stats.counts}, {r.stats.route}")
+    assert r.omega[0] == 0 and r.error[1:].max() < 1e-5 and r.stats.counts["factorisations"] < factors
+    if n == 400:
+        B = np.diag(np.sqrt(k), 1)[:-1]
+        B[np.arange(n - 1), np.arange(n - 1)] = -np.sqrt(k)
+        exact = np.sort(sl.svd(B, compute_uv=False, lapack_driver="gesvd"))[:7]
+        assert np.all(np.abs(r.omega[1:] / exact - 1) <= r.error[1:])
+
+
 def test_ordinary_lowest_modes_move_no_shift():
     r = mb.modes(on_foundation(2000, 0.0), n=5)
     assert np.abs(r.omega / row(2000, 0.0)[:5] - 1).max() < 1e-10 and "moved shifts" not in r.stats.counts

@@ -159,25 +159,31 @@ def test_what_is_told_of_stops_is_right(seed):
     check(response(data), rng, 30, lambda omega, start: Stops(*data[:5], omega).shoot(start))
 
 
+def cubic_pair(rng):
+    """Two masses with a cubic spring, and what drives them."""
+    M, K = np.diag(rng.uniform(0.5, 2, 2)), np.diag(rng.uniform(1, 6, 2))
+    K[0, 1] = K[1, 0] = -0.5
+    force, w = rng.normal(size=2), rng.normal(size=2)
+    return mb.MechanicalSystem(M, 0.03 * M, K, elements=[mb.Cubic(rng.uniform(0.1, 1), w=w)]), force
+
+
+def shot(system, force, omega, start):
+    """The state of the exact motion near `start` and its multipliers, if there is one."""
+    try:
+        state, phi = hbm_shooting.shoot(system, {1: force}, omega, start)
+    except (mb.MbrsError, np.linalg.LinAlgError):
+        return None
+    return state, np.linalg.eigvals(phi)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(6))
 def test_what_is_told_of_cubic_springs_is_right(seed):
     rng = np.random.default_rng(seed)
-    M, K = np.diag(rng.uniform(0.5, 2, 2)), np.diag(rng.uniform(1, 6, 2))
-    K[0, 1] = K[1, 0] = -0.5
-    force, w = rng.normal(size=2), rng.normal(size=2)
-    system = mb.MechanicalSystem(M, 0.03 * M, K, elements=[mb.Cubic(rng.uniform(0.1, 1), w=w)])
+    system, force = cubic_pair(rng)
     top = int(rng.choice([1, 2, 3]))
     curve = mb.frequency_response(system, force=force, omega=(0.5, 2.5), harmonics=top, max_points=100)
-
-    def shoot(omega, start):
-        try:
-            state, phi = hbm_shooting.shoot(system, {1: force}, omega, start)
-        except (mb.MbrsError, np.linalg.LinAlgError):
-            return None
-        return state, np.linalg.eigvals(phi)
-
-    check(curve, rng, 8, shoot)
+    check(curve, rng, 8, lambda omega, start: shot(system, force, omega, start))
 
 
 VS = (np.eye(1), 0.1 * np.eye(1), np.eye(1), [(np.ones(1), 1e3, 1.0, True)], np.array([0.5]))
@@ -250,3 +256,53 @@ def test_single_motions_tell_no_stability_that_their_truncation_decides(top):
     exact = Stops(*VS, 0.815).shoot(begin(many.X, 0.815))
     assert exact is not None and np.max(np.abs(exact[1])) > 5
     assert not told > 0
+
+
+@pytest.mark.parametrize("omega", [0.8625, 0.95])
+def test_what_more_harmonics_would_turn_is_not_told(omega):
+    """Exponents of 15 harmonics, and those of 30 and 60, are those of stable motions."""
+    data = one_mass(np.random.default_rng(0))
+    one = response(data, omega=[omega])
+    exact = Stops(*data[:5], omega).shoot(begin(one.point(0).X, omega))
+    assert exact is not None and np.max(np.abs(exact[1])) > 1.9
+    assert np.isnan(np.asarray(one.stable, float)[0]) and one.status == "unresolved"
+
+
+def test_what_more_harmonics_confirm_is_told():
+    """The error of one harmonic may turn an exponent, that of two does not."""
+    system, force = cubic_pair(np.random.default_rng(0))
+    one = mb.frequency_response(system, force=force, omega=[1.0], harmonics=1)
+    exact = shot(system, force, 1.0, begin(one.point(0).X, 1.0))
+    assert exact is not None and np.max(np.abs(exact[1])) < 1
+    assert list(one.stable) == [True]
+
+
+def test_exponents_that_the_error_is_far_from_turning_are_not_refined():
+    stop = (np.ones(1), 1.0, 1.0, True)
+    curve = response((np.eye(1), 0.1 * np.eye(1), np.eye(1), [stop], np.array([0.5]), odd(9), (1.15, 1.3)))
+    assert curve.status == "converged" and curve.stats.counts["refinements"] == 0
+    assert np.all(np.asarray(curve.stable, float) == 1)
+
+
+def test_stability_is_open_where_a_stop_lies_within_the_error_of_the_peak():
+    """One harmonic of a motion at a soft stop is off by 2 % and ends 1 % short of a hard one, which the motion meets."""
+    soft, hard = (np.ones(1), 0.3, 0.2, True), (np.ones(1), 1e3, 0.39184, True)
+    data = (np.eye(1), 0.3 * np.eye(1), np.eye(1), [soft, hard], np.array([0.3]), [1], (0.6, 0.602))
+    one, curve = response(data, omega=[0.6]), response(data, step=1e-3, max_step=1e-3)
+    given = {"force": [0.3], "omega": 0.6}
+    near = mb.harmonic_balance(response((*data[:3], [soft], *data[4:])).system, harmonics=odd(31), **given)
+    many = mb.harmonic_balance(one.system, harmonics=odd(101), x0=near, **given)
+    exact = Stops(*data[:5], 0.6).shoot(begin(many.X, 0.6))
+    assert exact is not None and np.max(np.abs(exact[1])) > 5
+    assert np.isnan(np.asarray(one.stable, float)).all() and one.status == "unresolved"
+    assert np.isnan(np.asarray(curve.stable, float)).all()
+    assert mb.harmonic_balance(one.system, harmonics=[1], **given).multipliers is None
+
+
+def test_a_law_that_bends_smoothly_is_no_stop():
+    u = np.linspace(-2, 2, 41)
+    system = mb.MechanicalSystem(
+        np.eye(1), 0.3 * np.eye(1), np.eye(1), elements=[mb.TableLaw(u, 0.3 * u**3, w=np.ones(1))]
+    )
+    one = mb.frequency_response(system, force=[0.3], omega=[0.6], harmonics=[1])
+    assert 5e-3 < one.error[0] < 1e-2 and list(one.stable) == [True]

@@ -1,6 +1,6 @@
 //! From a row of values to the numbers of a model, with their directions.
 use crate::expressions::Program;
-use crate::tolerances::designs::NEARLY_COLLAPSED;
+use crate::tolerances::coordinates::SAME_POINT;
 
 /// What a column of the designs sets, or a derivative is taken by.
 #[derive(Debug, Clone)]
@@ -40,7 +40,8 @@ impl Rule {
             Rule::Apart(a, b) => {
                 let norm = |at: &dyn Fn(usize) -> f64| (0..3).map(|k| at(k).powi(2)).sum::<f64>().sqrt();
                 let size = norm(&|k| x[a + k]).max(norm(&|k| x[b + k]));
-                norm(&|k| x[b + k] - x[a + k]) > NEARLY_COLLAPSED * size
+                // `SAME_POINT` also counts in sizes of the model, which are not known here
+                norm(&|k| x[b + k] - x[a + k]) > SAME_POINT.sqrt() * size
             }
         }
     }

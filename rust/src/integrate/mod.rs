@@ -77,7 +77,7 @@ use crate::multibody::topology::Topology;
 use crate::run::Counts;
 use crate::spatial::Real;
 use crate::tolerances::constraints::CLOSED_ENOUGH;
-use crate::tolerances::steps::BEFORE_BREAK;
+use crate::tolerances::steps::SAME_INSTANT;
 use kept::Parts;
 
 /// Where the model is, how it moves, and what its laws remember.
@@ -221,7 +221,7 @@ pub trait Scheme {
 
 /// The length of a step to where a load or a drive is not smooth: it ends just before, what jumps there belongs to what follows.
 pub fn before_break(length: f64, start: f64, end: f64) -> f64 {
-    length - (BEFORE_BREAK * end.abs().max(end - start)).min(0.5 * length)
+    length - (SAME_INSTANT * end.abs().max(end - start)).min(0.5 * length)
 }
 
 /// Motions within a step below this, characteristic lengths or radians, are solved as if they were of this size: of it `CLOSED_ENOUGH`,

@@ -20,7 +20,6 @@ use crate::linalg::rows::{Level, RowBlocks};
 use crate::linalg::small_lu::SmallLu;
 use crate::linalg::sparse::{Csc, Factor as SparseFactor};
 use crate::linalg::symmetric::{Ldl, Pattern};
-use crate::tolerances::matrices::QUASI_DEFINITE;
 
 const REFINEMENTS: usize = 8;
 /// Up to this size plain loops are faster than a library. Only speed depends on it.
@@ -338,7 +337,8 @@ fn worse(a: f64, b: f64) -> f64 {
 
 fn quasi_definite(list: &List, n: usize, rows: &[usize], ordering: &Ordering) -> Result<Ldl> {
     let size = n + rows.len();
-    let regular = (n..size).map(|i| (i as u32, i as u32, -QUASI_DEFINITE));
+    // without pivots the rows need a negative diagonal; refinement takes it out again
+    let regular = (n..size).map(|i| (i as u32, i as u32, -f64::EPSILON.sqrt()));
     let all = || list.iter().copied().chain(regular.clone());
     let mut kept = ordering.borrow_mut();
     let fits = |k: &&(Vec<usize>, Arc<Pattern>)| k.0 == rows && k.1.fits(size, list.len() + rows.len());

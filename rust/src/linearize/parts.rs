@@ -13,7 +13,7 @@ use crate::linearize::{Linearization, Setting};
 use crate::model::layout::bushing;
 use crate::multibody::placement::place;
 use crate::multibody::potential::{cross_coupled, has_no_potential};
-use crate::tolerances::linearisation::{CANCELLED, CLEAR, ENTRY};
+use crate::tolerances::linearisation::{CANCELLED, ENTRY};
 
 /// C, G, K and N; None where nothing acts.
 #[derive(Debug, Clone)]
@@ -158,7 +158,7 @@ fn suspicious(k: &DMatrix<f64>, reach: &[f64], forces: &[f64], stiffest: f64) ->
     for j in 0..n {
         for i in 0..=j {
             let v = k[(i, j)].abs();
-            if v != 0.0 && v <= CLEAR * (natural * reach[i] * reach[j] + forces[i] * forces[j]) {
+            if v != 0.0 && v <= f64::EPSILON.sqrt() * (natural * reach[i] * reach[j] + forces[i] * forces[j]) {
                 found.push((i, j));
             }
         }

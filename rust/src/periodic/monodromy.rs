@@ -241,3 +241,22 @@ fn connected(problem: &Problem, (mass, damping, stiffness): &Matrices) -> Vec<Ve
     let of = |r: usize| -> Vec<usize> { (0..n).filter(|i| roots[*i] == r).collect() };
     (0..n).filter(|r| roots[*r] == *r).map(of).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Extrapolated values that change by 1e-3 and then by `change`, of which the next change is the square over 1e-3.
+    #[test]
+    fn doubling_ends_where_the_next_change_is_below_a_ten_billionth() {
+        let settled = |change: f64| {
+            let (first, second) = (1.0, 1.0 + 0.75e-3);
+            let extrapolated = second + (second - first) / 3.0;
+            let third = (3.0 * (extrapolated + 15.0 / 16.0 * change) + second) / 4.0;
+            let mut table = Table::default();
+            [first, second, third].into_iter().for_each(|v| table.add(Mat::from_fn(1, 1, |_, _| v)));
+            table.settled
+        };
+        assert_eq!([1e-6, 1e-7].map(settled), [false, true]);
+    }
+}

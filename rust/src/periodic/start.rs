@@ -6,10 +6,11 @@ use crate::solve::continuation::{Advance, Branch};
 use crate::solve::corrector::{self, Corrector, Predictor};
 use crate::solve::newton::{self, Options, Outcome};
 use crate::solve::{Curve, Linearisation};
-use crate::tolerances::periodic::FIRST_STEP;
 use crate::tolerances::roots::EVENT_SOLVED;
 
 const RAMP_STEPS: usize = 2000;
+/// Of the whole force and of the scale of the unknowns.
+const LONGEST_RAMP: f64 = 0.2;
 
 /// Solves at the present frequencies and level; y is guess and answer. `ramp_forces`: where the guess leads nowhere they are raised from
 /// zero, which takes long where the equations are rough.
@@ -68,9 +69,10 @@ fn ramp(problem: &mut Problem, y: &mut [f64], options: Options, cancel: &Cancel)
         corrector: Corrector::PseudoArclength,
         tolerance: options.tolerance,
         max_corrections: 10,
-        first_step: FIRST_STEP,
+        // one that is too long is repeated
+        first_step: LONGEST_RAMP,
         least_step: EVENT_SOLVED,
-        largest_step: 0.2,
+        largest_step: LONGEST_RAMP,
         parameter_scale: 1.0,
     };
     y.fill(0.0);

@@ -182,8 +182,7 @@ impl Refined {
     fn new(problem: &Problem, finer: &Finer, estimate: &Estimate, factor: i32) -> Result<Option<Refined>> {
         let own = &problem.basis.indices;
         let top = factor * (own.iter().map(|k| k[0]).max().unwrap_or(0) + 1);
-        let even =
-            own.iter().any(|k| k[0] % 2 == 0) || estimate.even > SYMMETRIC * (estimate.error - estimate.rounding);
+        let even = own.iter().any(|k| k[0] % 2 == 0) || is_uneven(estimate);
         let wanted = (1..=top).filter(|h| even || h % 2 == 1).map(|h| vec![h]);
         let extra: Vec<Vec<i32>> = wanted.filter(|k| !own.contains(k)).collect();
         let basis = problem.basis.extended(&extra);
@@ -223,6 +222,11 @@ impl Refined {
         self.change = found.as_ref().map(|point| point.z.iter().zip(&z).map(|(f, z)| f - z).collect());
         Ok(found)
     }
+}
+
+/// The two halves of the period differ: the motion has even harmonics, not their rounding.
+fn is_uneven(estimate: &Estimate) -> bool {
+    estimate.even > SYMMETRIC * estimate.error
 }
 
 /// Hill's problem tells the exponents of all parts of a system at once.
@@ -336,6 +340,12 @@ mod tests {
             let exact = f64::abs(b - a);
             assert!((0.999 * exact..3.0 * exact).contains(&found), "{a} {b}: {found}");
         }
+    }
+
+    #[test]
+    fn even_harmonics_of_a_millionth_of_the_error_are_rounding() {
+        let uneven = |even: f64| is_uneven(&Estimate { error: 1e-3, even: 1e-3 * even, ..Estimate::default() });
+        assert_eq!([1e-7, 1e-5].map(uneven), [false, true]);
     }
 
     #[test]

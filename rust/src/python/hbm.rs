@@ -23,7 +23,6 @@ use crate::periodic::start;
 use crate::periodic::truncation::{Judge, Solution, Verdict};
 use crate::solve::newton::Options;
 use crate::solve::{Curve, Linearisation};
-use crate::tolerances::periodic::FIRST_STEP;
 use crate::tolerances::roots::EVENT_SOLVED;
 
 pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
@@ -367,7 +366,7 @@ impl HbmProblem {
             let verdict = judged(&mut problem, stability, &finer, &y, &out, error, free)?;
             Ok(Told {
                 exponents: Some(Vector(verdict.floquet.exponents)),
-                settled: verdict.settled,
+                settled: verdict.settled && !verdict.floquet.doubtful,
                 monodromy: matrix.map(Dense),
             })
         })
@@ -467,7 +466,7 @@ fn judged(
     let mut along = if free { autonomous::rate(problem, y) } else { vec![0.0; y.len()] };
     along.push(if free { 0.0 } else { 1.0 });
     let z: Vec<f64> = y.iter().copied().chain([p]).collect();
-    let steps = [FIRST_STEP, EVENT_SOLVED, 1.0];
+    let steps = [1.0, EVENT_SOLVED, 1.0];
     let options = options("tangent", "pseudo-arclength", steps, EVENT_SOLVED, p)?;
     let estimate = Estimate::bound(problem, y, error);
     Judge::new(stability, finer, options, free).judge(problem, out, Solution { z: &z, along: &along }, &estimate, false)

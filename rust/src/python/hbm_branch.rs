@@ -17,7 +17,6 @@ use crate::periodic::start;
 use crate::run::Cancel;
 use crate::solve::corrector::{Corrector, Options, Predictor};
 use crate::solve::{Curve, newton};
-use crate::tolerances::periodic::FIRST_STEP;
 use crate::tolerances::roots::EVENT_SOLVED;
 
 pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
@@ -317,7 +316,7 @@ pub fn find_peak(
     cancel: &Cancel,
 ) -> Result<(f64, Vec<f64>)> {
     let scale = problem.omega[0];
-    let options = options("tangent", "pseudo-arclength", [FIRST_STEP, EVENT_SOLVED, 0.05], EVENT_SOLVED, scale)?;
+    let options = options("tangent", "pseudo-arclength", [0.05, EVENT_SOLVED, 0.05], EVENT_SOLVED, scale)?;
     let point = peak::find(problem, y, towards, quantity, options, cancel)?;
     Ok((point.p(), point.y().to_vec()))
 }

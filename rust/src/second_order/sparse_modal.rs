@@ -11,9 +11,7 @@ use crate::linalg::krylov::{Operator, Options, Ritz, Space};
 use crate::linalg::sparse::Csc;
 use crate::run::{Cancel, Counts};
 use crate::tolerances::modes::{BISECTIONS, DATA_ROUNDING, PATIENCE, SEMIDEFINITE, SHARP};
-use crate::tolerances::sparse_modes::{
-    COUNT_MARGIN, ELASTIC, ENTRY_NOISE, FIRST_SHIFT, GAP, RIGID, SAME_VALUE, VANISHED,
-};
+use crate::tolerances::sparse_modes::{ELASTIC, ENTRY_NOISE, FIRST_SHIFT, RIGID, SAME_VALUE, VANISHED};
 
 /// Largest system of which the whole operator is formed where nearly all modes are wanted.
 const LARGEST_DENSE: usize = 2000;
@@ -321,9 +319,12 @@ fn missed(pencil: &impl Pencil, ritz: &Ritz, wanted: usize, sigma: f64, counts: 
     let distance = |k: usize| 1.0 / ritz.value[k].norm();
     // the last of the wanted ones that is followed by a gap, so that a group cut in two is not counted
     let total = ritz.value.iter().take_while(|v| v.norm() > 0.0).count();
-    let cut = (1..=wanted.min(total)).rev().find(|c| *c == total || distance(*c) > distance(c - 1) * (1.0 + GAP))?;
-    let gap = if cut < total { distance(cut) - distance(cut - 1) } else { f64::INFINITY };
-    let radius = distance(cut - 1) + (0.5 * gap).min(COUNT_MARGIN * distance(cut - 1));
+    let cut =
+        (1..=wanted.min(total)).rev().find(|c| *c == total || distance(*c) > distance(c - 1) * (1.0 + SAME_VALUE))?;
+    // to the middle of the gap, or where nothing is known behind it as far
+    let last = distance(cut - 1);
+    let gap = if cut < total { distance(cut) - last } else { last };
+    let radius = last + 0.5 * gap.min(last);
     counts.add("inertia counts", 2);
     let above = pencil.count_below(sigma + radius)?;
     let below = pencil.count_below(sigma - radius)?;

@@ -281,7 +281,7 @@ mod tests {
                 }
                 assert_eq!(folds.len(), 2, "{predictor:?} {corrector:?}");
                 for fold in folds {
-                    assert!((fold.p().abs() - 1.0).abs() < 1e-12 && fold.z[0].abs() < 1e-9, "{fold:?}");
+                    assert!((fold.p().abs() - 1.0).abs() < 1e-12 && fold.z[0].abs() < 1e-11, "{fold:?}");
                 }
             }
         }
@@ -328,6 +328,19 @@ mod tests {
         };
         assert!(torn(Plane(|y, p| [y - 0.3 * p + if (p - 0.05).abs() < 5e-4 { f64::NAN } else { 0.0 }, 1.0, -0.3])));
         assert!(!torn(Plane(|y, p| [y - 0.3 * p + if (p - 0.05).abs() < 5e-6 { f64::NAN } else { 0.0 }, 1.0, -0.3])));
+    }
+
+    #[test]
+    fn a_jump_is_bracketed_to_a_billionth_of_its_segment() {
+        let mut line = Plane(|y, p| [y - 0.3 * p, 1.0, -0.3]);
+        let options = Options { first_step: 0.1, ..options(Predictor::Tangent, Corrector::PseudoArclength) };
+        let mut branch = Branch::start(&mut line, &[0.0], 0.0, &[0.0, 1.0], options).unwrap().unwrap();
+        assert_eq!(branch.advance(&mut line, &Cancel::default()).unwrap(), Advance::Moved);
+        let segment = branch.segment().unwrap();
+        let side = |_: &mut Plane, p: &Point, _: &Linearisation| Ok(if p.p() < 0.0512 { 1.0 } else { -1.0 });
+        let found = segment.jump(&mut line, &mut branch.work, &Cancel::default(), (1.0, -1.0), side).unwrap();
+        let Jump::Between { before, after, width } = found else { panic!("torn") };
+        assert!(before.p() < 0.0512 && after.p() >= 0.0512 && (1e-10..=1e-9).contains(&width), "{width:e}");
     }
 
     #[test]

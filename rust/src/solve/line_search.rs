@@ -78,3 +78,28 @@ pub fn norm2(v: &[f64]) -> f64 {
 pub fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Residuals of a full step and of shorter ones.
+    struct Falls(f64);
+
+    impl Residual for Falls {
+        fn residual(&mut self, x: &[f64], f: &mut [f64]) -> Result<()> {
+            f[0] = if x[0] == 1.0 { 1.0 - self.0 } else { 0.5 };
+            Ok(())
+        }
+    }
+
+    #[test]
+    fn a_full_step_gains_a_thousandth_of_its_square() {
+        let lambda = |gain: f64| {
+            let from = From { x: &[0.0], d: &[1.0], norm: 1.0, k: 1_000_000, unit: 1.0 };
+            let (taken, _) = search(&mut Falls(gain), &Rule::default(), &from, &mut [0.0], &mut [0.0]).unwrap();
+            taken.unwrap().lambda
+        };
+        assert_eq!([1e-4, 1e-2].map(lambda), [0.5, 1.0]);
+    }
+}

@@ -49,10 +49,6 @@ pub const STIFFNESS_PIVOT: f64 = 1e-12;
 /// `inertia_is_told_where_small_pivots_leave_eleven_digits`.
 pub const INERTIA_RESIDUAL: f64 = 1e-11;
 
-/// Without pivots L D L^T needs a negative diagonal under constraint rows, this part of the others; refinement takes it out again. Not
-/// seen: only speed depends on it.
-pub const QUASI_DEFINITE: f64 = 1e-7;
-
 /// Residual of a row over the sum of its absolute terms that is no more than rounding: the solution is that of a matrix whose entries differ
 /// by so much of themselves. Larger: digits are given away. Smaller: corrections of nothing, and solutions of slow routes.
 /// Pinned by `a_remainder_counts_from_its_bound_on` and `random_systems_are_solved_as_by_dense_factorisation`.

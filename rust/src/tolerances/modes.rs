@@ -7,7 +7,7 @@ pub const DATA_ROUNDING: f64 = 4.0;
 
 /// Relative error of a squared frequency (algorithm only) above which the expensive route is taken: factors, Jacobi's singular values,
 /// residuals in twice the precision. Too large: roots lose digits that the matrices hold. Too small: time is lost. Pinned by
-/// tests/truth/test_graded_modes.py, from above. Not seen from below: only time depends on it.
+/// tests/truth/test_graded_modes.py, from above, and `test_a_thin_beam_has_no_inertia_about_itself`, from below.
 pub const SHARP: f64 = 1e-12;
 
 /// Relative effect on a squared frequency up to which damping between two undamped modes is left out; it is added to the error.
@@ -101,17 +101,9 @@ pub const CLEARLY_REGULAR: f64 = 1e-8;
 /// `test_roots_a_million_times_slower_than_others_come_from_the_reversed_problem`.
 pub const BLURRED: f64 = 1e-6;
 
-/// Real part of the component that decides the sign of a shape, over its modulus, below which its imaginary part decides. A choice, as
-/// `matrices::TIE`. Not seen: both signs are shapes.
-pub const IMAGINARY: f64 = 1e-9;
-
-/// Imaginary parts of a shape, over its largest component, below which the shape is real. Larger: complex shapes are normalised as real
-/// ones. Smaller: rounding makes real shapes complex. Not seen: the two normalisations of a shape that is real to so many digits agree to
-/// as many.
-pub const REAL_SHAPE: f64 = 1e-12;
-
 /// |x^T A x| over the largest |x^T A y| of a group below which x is isotropic to rounding and is mixed with another of the group. Larger:
-/// bases turn for nothing. Smaller: vectors are divided by rounding. Not seen: both are bases of one space.
+/// bases turn for nothing. Smaller: vectors are divided by rounding. Pinned by
+/// `a_vector_that_is_isotropic_to_a_ten_thousandth_is_mixed_with_another`.
 pub const ISOTROPIC: f64 = 1e-4;
 
 /// Relative commutator of stiffness and damping above which damping is not proportional, before any eigenproblem is solved. Larger: an

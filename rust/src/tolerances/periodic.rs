@@ -20,7 +20,7 @@ pub const LANE_PRODUCT: f64 = 2.0;
 
 /// Half-bandwidth times coordinates, 400 bytes each, up to which a band is factorised at eight frequencies at once. A count. Larger: memory
 /// of many hundreds of megabytes. Smaller: long chains are factorised frequency by frequency. Only speed and memory depend on it. Pinned by
-/// `narrow_bands_are_condensed_in_lanes`, from above. Not seen from below: only speed depends on it.
+/// `narrow_bands_are_condensed_in_lanes`.
 pub const MOST_LANES: f64 = 5e5;
 
 /// Rounding of a row of equations, in units of eps times the sum of its absolute terms; of a law's state after a period, in units of eps
@@ -55,8 +55,8 @@ pub const CROSSED: f64 = 1e-11;
 pub const CONTACT_STEPS: usize = 8;
 
 /// Part of the range of an element's stiffness over the period by which it jumps where a contact opens or closes. Free of units. Too large:
-/// partial contacts are missed; too small: smooth laws that bend fast count as contacts. Not seen: all tests of harmonic balance pass
-/// without the check, at a hundred times it, and those of contacts and of stability at a hundredth.
+/// partial contacts are missed; too small: smooth laws that bend fast count as contacts. Pinned by
+/// `test_stability_is_open_where_a_stop_lies_within_the_error_of_the_peak` and `test_a_law_that_bends_smoothly_is_no_stop`.
 pub const CONTACT_JUMP: f64 = 0.1;
 
 /// Difference of |Im s| of two exponents over their sum up to which they are one pair. Free of units. Too large: a real exponent that
@@ -80,14 +80,9 @@ pub const STEEPER: f64 = 2.0;
 /// Pinned by `where_an_exponent_crosses_tells_the_kind`.
 pub const RESONANT: f64 = 1e-4;
 
-/// First step of the search for the start of a branch and for a peak, over the scale of the unknowns. Free of units. A larger one is
-/// repeated, a smaller one grows. Not seen: only work depends on it.
-pub const FIRST_STEP: f64 = 1e-3;
-
 /// Expected error of the extrapolated monodromy matrix, relative to its size, that ends the doubling of steps; changes above the root of it
 /// do not tell yet how fast the next ones will shrink. Free of units. Too large: multipliers of weakly damped motions have visible errors;
-/// too small: steps are doubled down to rounding. Not seen: each doubling of steps gains several digits; exponents of a chain with a stop
-/// change by 1e-12 at most.
+/// too small: steps are doubled down to rounding. Pinned by `doubling_ends_where_the_next_change_is_below_a_ten_billionth`.
 pub const MONODROMY: f64 = 1e-10;
 
 /// Largest relative difference of dynamic stiffness between a system and the reduced model that tells its stability. Free of units. Too
@@ -100,19 +95,20 @@ pub const REDUCED_MODEL: f64 = 1e-3;
 /// Pinned by `multipliers_that_rounding_hides_follow_from_the_trace`.
 pub const VISIBLE: f64 = 1e-11;
 
-/// How many times the estimated change of an exponent by the error of the motion counts before the exponent is believed without
-/// more harmonics: the estimate sees the next harmonics only, and that of the change is of first order. Free of units. Too large:
-/// points are solved for with more harmonics in vain; too small: a sign that the truncation decides is told.
-/// Used by tests/truth/test_truncated_stability.py.
+/// How many times the estimated change of an exponent by the error of the motion counts before the exponent is believed without more
+/// harmonics: the estimate sees the next harmonics only, and that of the change is of first order. Free of units. Too large: points are
+/// solved for with more harmonics in vain; too small: a sign that the truncation decides is told. Pinned by
+/// `test_exponents_that_the_error_is_far_from_turning_are_not_refined` and `test_what_more_harmonics_would_turn_is_not_told`.
 pub const TURNING: f64 = 4.0;
 
-/// How many times what the last doubling of the harmonics changed the next ones may change. Free of units. Too large: stability that
-/// is known is called unresolved; too small: the truncation decides, where it does not fall at once: durations of contacts.
-/// Used by tests/truth/test_truncated_stability.py.
+/// How many times what the last doubling of the harmonics changed the next ones may change. Free of units. Too large: stability that is
+/// known is called unresolved; too small: the truncation decides, where it does not fall at once: durations of contacts. Pinned by
+/// `test_what_more_harmonics_confirm_is_told` and `test_what_more_harmonics_would_turn_is_not_told`.
 pub const DECIDED: f64 = 2.0;
 
-/// Even harmonics below this part of the error of a motion of odd ones are rounding. Free of units. Too large: motions without
-/// symmetry are refined as if they had it; too small: symmetric ones cost four to eight times as much. Not scanned.
+/// Even harmonics below this part of the error of a motion of odd ones are rounding. Free of units. Too large: motions without symmetry are
+/// refined as if they had it; too small: symmetric ones cost four to eight times as much. Pinned by
+/// `even_harmonics_of_a_millionth_of_the_error_are_rounding`.
 pub const SYMMETRIC: f64 = 1e-6;
 
 /// Unknowns up to which a motion is solved for with more harmonics. A count. Larger: a point takes minutes; smaller: more is

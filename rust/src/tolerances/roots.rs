@@ -1,8 +1,8 @@
 //! Newton's method, continuation, quasi-Newton methods.
 
 /// What a step of a search along a direction must gain, over its length squared: sigma1 and sigma2 of Li and Fukushima's rule, as `mb.root`
-/// has them. Larger: full steps are halved that would do. Smaller: steps that gain next to nothing are taken. Not seen: only work depends
-/// on it.
+/// has them. Larger: full steps are halved that would do. Smaller: steps that gain next to nothing are taken. Pinned by
+/// `a_full_step_gains_a_thousandth_of_its_square`.
 pub const DESCENT: f64 = 1e-3;
 
 /// Residual to which points of a search within a segment are solved, at most, and the shortest step of such a search; width of a bracket
@@ -13,7 +13,7 @@ pub const DESCENT: f64 = 1e-3;
 pub const EVENT_SOLVED: f64 = 1e-11;
 
 /// Part of a segment down to which a jump is bracketed. Larger: jumps are told less accurately. Smaller: both sides cannot be told apart.
-/// Not seen: jumps of curves are the same to the digits of tests.
+/// Pinned by `a_jump_is_bracketed_to_a_billionth_of_its_segment`.
 pub const NARROW: f64 = 1e-9;
 
 /// Part of a segment to which a bracket that cannot be narrowed any more must have come for its sides to be compared. Larger: sides far

@@ -1,27 +1,23 @@
 //! Steps in time: instants, what a step has to solve, start of the multistep methods.
 
-/// Instants that differ by less, over the whole time, are one: rounding of t. Larger: breaks that are close are passed. Smaller: steps that
-/// do not change t. Pinned by `test_a_step_that_cannot_be_made_says_why`, from below. Not seen from above: it takes breaks closer than
-/// 1e-12 of the motion.
+/// Instants that differ by less, over the whole time, are one: rounding of t. A step ends by as much before a break, so that nothing in it
+/// is from behind the break. Larger: breaks that are close are passed, and there are gaps in the motion. Smaller: steps that do not change
+/// t, and rounding takes steps across breaks. Pinned by `test_breaks_beside_the_grid_of_fixed_steps_are_on_it` and
+/// `test_steps_that_end_at_breaks_leave_no_gap`, from above, and `test_a_step_that_cannot_be_made_says_why`, from below.
 pub const SAME_INSTANT: f64 = 1e-14;
 
-/// How far before a break a step ends, over the whole time, so that nothing in it is from behind the break. Larger: a gap in the motion.
-/// Smaller: rounding takes the step across. Pinned by `test_steps_that_end_at_breaks_leave_no_gap`, from above. Not seen from below:
-/// instants are rounded to less than 1e-15.
-pub const BEFORE_BREAK: f64 = 1e-13;
-
 /// Lengths of steps that agree so well are one length: no splinter is made, no factorisation anew, and differences of a multistep method
-/// stay as they are. Larger: steps do not end where they are said to. Smaller: splinters. Not seen: times of ends are set, whatever lengths
-/// are called one; only lengths that differ by so little depend on it.
+/// stay as they are. Larger: steps do not end where they are said to. Smaller: splinters. Pinned by
+/// `test_breaks_beside_the_grid_of_fixed_steps_are_on_it`.
 pub const SAME_LENGTH: f64 = 1e-9;
 
 /// An instant within this part of a fixed step from a multiple of it is on the grid. Larger: steps are left out. Smaller: rounding of a
-/// long motion makes splinters. Not seen: it takes 1e8 steps until rounding of their sum reaches it, or a break this close to the grid.
+/// long motion makes splinters. Pinned by `test_breaks_beside_the_grid_of_fixed_steps_are_on_it`.
 pub const ON_GRID: f64 = 1e-6;
 
 /// Newton's remainder over the increment within a step whose next correction would be about its square: rounding. Larger: steps are not
 /// solved, and derivatives of them are off. Smaller: one iteration more for nothing. Pinned by
-/// `test_the_values_are_those_of_the_simulation`, from above. Not seen from below: what one iteration more finds is rounding.
+/// `test_the_values_are_those_of_the_simulation`, from above, and `test_steps_are_not_solved_below_rounding`, from below.
 pub const QUADRATIC: f64 = 1e-9;
 
 /// What is solved where there is no tolerance to share, over the motion within the step: the remainder of Newton's method in a fixed step,
@@ -37,7 +33,7 @@ pub const SHARE_OF_TOLERANCE: f64 = 0.01;
 /// What the equations of a step may leave where rounding alone is allowed: loops, over lengths of their loop or radians (what shrinks no
 /// more ends at `constraints::CLOSED_ENOUGH`), and the equations of a fixed step of "bdf-bfgs" over the motion within it, whose remainders
 /// are of accelerations and add up twice. Larger: energy drifts by openings, and shorter steps err more. Smaller: rounding is corrected.
-/// Pinned by `test_shorter_fixed_steps_err_less`, from above. Not seen from below: no answer depends on it.
+/// Pinned by `test_shorter_fixed_steps_err_less`, from above, and `test_work_of_steps_that_keep_matrices_and_lengths`, from below.
 pub const CLOSED: f64 = 1e-14;
 
 /// What starts from rest has no rates: they count at least as if the motion took this part of the characteristic length, or a radian, and
@@ -94,18 +90,14 @@ pub const JUMP: f64 = 1e-4;
 /// Steps of the search for one that ends at a kink. Larger: a law that jumps holds the motion up. Smaller: kinks are missed, and said so.
 pub const KINK_SEARCH: usize = 60;
 
-/// Norm of the equations of a step of bdf-bfgs over a tolerance for the motion, which about a thousand steps share. Larger: the remainder
-/// adds up to the tolerance. Smaller: evaluations for nothing. Not seen: motions of tests err by less than their tolerance either way.
-pub const SHARE_OF_MOTION: f64 = 1e-5;
-
-/// Lower limit of the norm of the equations of a step of "bdf-bfgs", over the root of their number: rounding of constraint rows. Larger: steps
-/// are not solved, and orders and lengths of steps follow what is left. Smaller: rounding is solved, and no run past singular poses is
-/// good enough. Pinned by `test_a_tolerance_is_that_of_the_whole_motion`, from below.
+/// Lower limit of the norm of the equations of a step of "bdf-bfgs", over the root of their number: rounding of constraint rows. Larger:
+/// steps are not solved, and orders and lengths of steps follow what is left. Smaller: rounding is solved, and no run past singular poses
+/// is good enough. Pinned by `test_rows_of_a_loop_are_solved_to_their_rounding`, from above, and
+/// `test_a_tolerance_is_that_of_the_whole_motion`, from below.
 pub const ROW_ROUNDING: f64 = 1e-15;
 
 /// How much looser a trial run is that shows how much of its local errors lasts. Larger: its error is no longer in proportion. Smaller:
-/// trials cost more than they save. Not seen from above: at tolerances of 1e-3 and 1e-4 `LOOSEST_TRIAL` decides. Not seen from below:
-/// trials make four times as many steps, and errors stay between a twentieth and one tolerance.
+/// trials cost more than they save. Pinned by `test_a_trial_costs_little_and_tells_how_much_of_errors_lasts`.
 pub const TRIAL: f64 = 1e3;
 /// Tolerance of the loosest trial. Larger: motions that bend within a step are taken for damped. Smaller: loose tolerances get no trial.
 /// Pinned by `tests/motion/test_shares.py`.
@@ -122,20 +114,21 @@ pub const LEAST_SHARE: f64 = 0.04;
 /// that cannot be solved are given up late. Smaller: gradients stop at steps that their motion made. Not scanned.
 pub const RECORDED_ITERATIONS: usize = 5 * super::motion::NEWTON_ITERATIONS;
 /// Matrices with which more iterations than these are to be expected are made anew. Larger: iterations for nothing. Smaller: matrices for
-/// nothing.  Pinned by `test_matrices_are_kept_and_the_explicit_method_has_none`, from below. Not seen from above: no answer depends on it.
+/// nothing. Pinned by `test_work_of_steps_that_keep_matrices_and_lengths` and `test_matrices_are_kept_and_the_explicit_method_has_none`.
 pub const PATIENCE: f64 = 5.0;
 /// Matrices with which corrections shrank more slowly than `SLOW`, in more iterations than these, are made anew for the next step. Larger:
 /// iterations for nothing. Smaller: matrices for nothing. Only work depends on it. Not scanned.
 pub const FEW: usize = 2;
 /// See `FEW`; of the contraction. Also what matrices that served before are trusted to shrink a first correction by, at most: it says
-/// nothing of how fast they shrink. Not seen: no answer depends on it.
+/// nothing of how fast they shrink. Pinned by `test_work_of_steps_that_keep_matrices_and_lengths`, from below. Not seen from above:
+/// `test_work_of_steps_that_keep_matrices_and_lengths` takes a hundredth more iterations.
 pub const SLOW: f64 = 0.1;
 /// Matrices that shrink corrections more slowly by this factor than when they were new have aged; others are as good as new ones: what they
-/// leave out is of the order of the step. Larger: iterations for nothing. Smaller: matrices for nothing.  Pinned by
-/// `test_matrices_are_kept_and_the_explicit_method_has_none`, from below. Not seen from above: no answer depends on it.
+/// leave out is of the order of the step. Larger: iterations for nothing. Smaller: matrices for nothing. Pinned by
+/// `test_work_of_steps_that_keep_matrices_and_lengths` and `test_matrices_are_kept_and_the_explicit_method_has_none`.
 pub const AGED: f64 = 2.0;
-/// Steps that would grow by less keep their length and its factors. Larger: steps are short. Smaller: factors for nothing.  Not seen: no
-/// answer depends on it.
+/// Steps that would grow by less keep their length and its factors. Larger: steps are short. Smaller: factors for nothing. Pinned by
+/// `test_work_of_steps_that_keep_matrices_and_lengths`.
 pub const WORTHWHILE: f64 = 1.2;
 /// The error of a step over a power of its estimate. Larger: motions are better than asked. Smaller: they are worse. Pinned by
 /// `tests/motion/test_radau.py`.

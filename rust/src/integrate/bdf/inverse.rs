@@ -16,7 +16,7 @@ use super::super::{Equations, Instant, LocalError, Motion};
 use super::equations::{BdfStep, Form, Guess, Sizes};
 use super::inverse_updates::StepSolver;
 use super::{Ahead, Corrector, Trial};
-use crate::tolerances::singular_poses::ROWS_WITHOUT_TANGENT;
+use crate::tolerances::steps::FIXED_SOLVED;
 
 /// A difference of high order sums values with weights up to this: what it may show of the norm that the equations of a step are
 /// left with.
@@ -125,7 +125,7 @@ impl Corrector for Inverse {
     }
 
     fn rounding(&self) -> f64 {
-        ROWS_WITHOUT_TANGENT
+        FIXED_SOLVED
     }
 
     fn per_unit_step(&self) -> bool {

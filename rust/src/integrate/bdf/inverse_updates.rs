@@ -10,7 +10,7 @@ use crate::solve::inverse_bfgs::{Options, Outcome, Start, Status, solve};
 use crate::solve::line_search::Rule;
 
 use super::equations::BdfStep;
-use crate::tolerances::steps::{CLOSED, FIXED_SOLVED, ROW_ROUNDING, SHARE_OF_MOTION};
+use crate::tolerances::steps::{CLOSED, FIXED_SOLVED, ROW_ROUNDING, SHARE_OF_TOLERANCE};
 
 /// Least cosine between y and s for an update: where BFGS meets a nonsymmetric or indefinite Jacobian, smaller ones ruin H.
 const CURVATURE: f64 = 0.1;
@@ -50,7 +50,7 @@ impl StepSolver {
     /// Without a family inverse BFGS runs until it has failed twice, Broyden's update from there on.
     pub fn new(family: Option<Family>, rtol: Option<f64>) -> Self {
         StepSolver {
-            solved: rtol.map_or(CLOSED, |r| (SHARE_OF_MOTION * r).clamp(ROW_ROUNDING, FIXED_SOLVED)),
+            solved: rtol.map_or(CLOSED, |r| (SHARE_OF_TOLERANCE * r).min(FIXED_SOLVED)),
             family: family.unwrap_or(Family::Bfgs),
             settles: family.is_none(),
             strikes: 0,

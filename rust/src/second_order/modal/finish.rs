@@ -10,7 +10,8 @@ use crate::error::Result;
 use crate::linalg::dense::{C, EPS, abs, real_times};
 use crate::run::Counts;
 use crate::second_order::SecondOrder;
-use crate::tolerances::modes::{IMAGINARY, NEAR_DEFECTIVE, REAL_SHAPE};
+use crate::tolerances::matrices::TIE;
+use crate::tolerances::modes::NEAR_DEFECTIVE;
 
 pub fn finish(system: &SecondOrder, d: &[f64], raw: Raw, mut counts: Counts) -> Result<Modal> {
     let terms = Terms::new(system);
@@ -227,8 +228,7 @@ impl<'a> Shapes<'a> {
         let s = members.iter().map(|m| m.s).sum::<C>() / count as f64;
         let turned = aligned(self.x.subcols(first, count));
         let mut x = turned.clone();
-        let is_real = (0..count).all(|j| (0..x.nrows()).all(|i| x[(i, j)].im.abs() <= REAL_SHAPE));
-        let bilinear = self.y.is_none() && s.im > 0.0 && !is_real;
+        let bilinear = self.y.is_none() && s.im > 0.0 && !is_real(x.as_ref());
         if bilinear {
             let form = |v: faer::ColRef<'_, C>| slope_times(terms, s, v);
             if !bilinear_gram_schmidt(&mut x, form, C::new(0.0, 2.0 * s.im)) {
@@ -248,8 +248,7 @@ impl<'a> Shapes<'a> {
     fn normalise(&mut self, j: usize, mode: &RawMode, denominator: C, defective: bool, grouped: bool) {
         let target = C::new(0.0, 2.0 * mode.s.im);
         let modal = mode.s.im > 0.0 && !defective && denominator != C::ZERO;
-        let is_real = (0..self.x.nrows()).all(|i| self.x[(i, j)].im == 0.0);
-        if self.y.is_none() && modal && !is_real {
+        if self.y.is_none() && modal && !is_real(self.x.subcols(j, 1)) {
             rescale(&mut self.x, j, (target / denominator).sqrt());
             let flip = -self.sign(j);
             if flip > 0.0 {
@@ -277,9 +276,14 @@ impl<'a> Shapes<'a> {
     fn sign(&self, j: usize) -> f64 {
         let x = self.x.col(j);
         let value = x[largest_component(x, self.scale)];
-        let decisive = if value.re.abs() > IMAGINARY * value.norm() { value.re } else { value.im };
+        let decisive = if value.re.abs() > TIE * value.norm() { value.re } else { value.im };
         decisive.signum()
     }
+}
+
+/// Shapes that are real but for rounding have the same norm either way.
+fn is_real(x: MatRef<'_, C>) -> bool {
+    (0..x.ncols()).all(|j| (0..x.nrows()).all(|i| x[(i, j)].im == 0.0))
 }
 
 fn unit_mass(x: &mut Mat<C>, j: usize, mx: &[C], scale: &[f64]) -> C {

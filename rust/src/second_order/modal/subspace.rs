@@ -129,6 +129,33 @@ fn subtract(x: &mut Mat<C>, from: usize, to: usize, along: C) {
 mod tests {
     use super::*;
 
+    /// x^T x = `square` of the first vector, of the second 1.
+    fn orthonormal(square: f64) -> Mat<C> {
+        let other = C::new(0.0, (1.0 - square).sqrt());
+        let mut x = Mat::from_fn(2, 2, |i, j| {
+            if i == 0 {
+                C::new(1.0, 0.0)
+            } else if j == 0 {
+                other
+            } else {
+                C::ZERO
+            }
+        });
+        let form = |v: ColRef<'_, C>| v.iter().copied().collect();
+        assert!(bilinear_gram_schmidt(&mut x, form, C::new(1.0, 0.0)));
+        x
+    }
+
+    #[test]
+    fn a_vector_that_is_isotropic_to_a_ten_thousandth_is_mixed_with_another() {
+        let x = orthonormal(1e-5);
+        let product = |i: usize, j: usize| (0..2).map(|r| x[(r, i)] * x[(r, j)]).sum::<C>();
+        assert!([(0, 0, 1.0), (0, 1, 0.0), (1, 1, 1.0)].iter().all(|(i, j, e)| (product(*i, *j) - e).norm() < 1e-13));
+        // another keeps its direction
+        let x = orthonormal(1e-3);
+        assert!((x[(1, 0)] / x[(0, 0)] - C::new(0.0, 0.999_f64.sqrt())).norm() < 1e-13);
+    }
+
     #[test]
     fn of_equal_components_the_first_is_the_largest() {
         let first = |less: f64| {
