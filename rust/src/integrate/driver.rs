@@ -273,6 +273,7 @@ impl Driver<'_, '_, '_> {
             sides.accept(&way.here);
             if sides.have_turned() {
                 scheme.reset();
+                way.h = way.h.min(sides.longest());
             }
         }
         if let Some(t) = aim.broken {
@@ -439,6 +440,7 @@ impl Driver<'_, '_, '_> {
         if let (None, Some(sides)) = (way.to_kink, &mut self.sides) {
             scheme.reset();
             sides.is_here(&way.here);
+            way.h = way.h.min(sides.longest());
         }
         true
     }
