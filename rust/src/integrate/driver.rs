@@ -52,7 +52,7 @@ pub fn drive(
     counts: &mut Counts,
 ) -> Result<Run> {
     // fixed steps are those that were asked for
-    let with_kinks = plan.exact_kinks || matches!(plan.steps, Steps::Controlled { .. }) && scheme.begins_well();
+    let with_kinks = plan.exact_kinks || matches!(plan.steps, Steps::Controlled { .. });
     let mut driver = Driver {
         eq,
         plan,
@@ -77,6 +77,9 @@ pub fn drive(
         },
     };
     driver.at_start(&start);
+    if driver.sides.is_some() {
+        scheme.end_at_kinks();
+    }
     scheme.over(plan.end - start.motion.t);
     driver.march(scheme, start, cancel, progress, counts)?;
     driver.run.at_kinks = driver.sides.map(|s| s.passed(counts)).unwrap_or_default();
@@ -273,6 +276,7 @@ impl Driver<'_, '_, '_> {
             sides.accept(&way.here);
             if sides.have_turned() {
                 scheme.reset();
+                way.h = way.h.min(sides.longest());
             }
         }
         if let Some(t) = aim.broken {
@@ -439,6 +443,7 @@ impl Driver<'_, '_, '_> {
         if let (None, Some(sides)) = (way.to_kink, &mut self.sides) {
             scheme.reset();
             sides.is_here(&way.here);
+            way.h = way.h.min(sides.longest());
         }
         true
     }

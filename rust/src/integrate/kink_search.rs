@@ -28,6 +28,8 @@ pub(super) struct Search {
     pub near: usize,
     /// distances do not come nearer to zero: the step before is the one
     pub is_last: bool,
+    /// kinks that the last step ended so near to that no error shows it
+    pub found: Vec<usize>,
 }
 
 /// Where a distance is zero between two of different sign, as a part; the middle where they have the same one.
@@ -63,7 +65,13 @@ impl Search {
             tries: 0,
             near: 0,
             is_last: false,
+            found: Vec::new(),
         }
+    }
+
+    /// How long a distance takes to its kink, by the slopes near it.
+    pub fn time(&self, k: usize, distance: f64) -> f64 {
+        (distance / self.slopes[k]).abs()
     }
 
     /// The length of the next step, between both.

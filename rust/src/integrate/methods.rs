@@ -82,7 +82,8 @@ impl Method {
         }
     }
 
-    fn scheme(&self, steps: Steps) -> Box<dyn Scheme> {
+    /// `differentiated`: steps are those of a motion that is differentiated.
+    fn scheme(&self, steps: Steps, differentiated: bool) -> Box<dyn Scheme> {
         let rtol = match steps {
             Steps::Fixed(_) => None,
             Steps::Controlled { rtol, .. } => Some(rtol),
@@ -93,7 +94,10 @@ impl Method {
             Method::GeneralizedAlpha(rho) => Box::new(GeneralizedAlpha::new(*rho)),
             Method::Ali3p(weight, penalty) => Box::new(Ali3p::new(*weight, *penalty)),
             Method::BdfBfgs(form, family) => Box::new(Bdf::inverse(*form, *family, rtol)),
-            Method::Bdf => Box::new(Bdf::newton(rtol)),
+            Method::Bdf => match rtol.filter(|_| differentiated) {
+                Some(rtol) => Box::new(Bdf::from_rates(rtol)),
+                None => Box::new(Bdf::newton(rtol)),
+            },
             Method::Radau(tableau) => Box::new(Radau::new(tableau, rtol)),
         }
     }
@@ -135,9 +139,9 @@ pub fn simulate(
         why = format!("{why}; many loops and few freedoms");
     }
     if matches!(method, Method::GeneralizedAlpha(_) | Method::Ali3p(..)) {
-        plan.share = share(eq, &|steps| method.scheme(steps), &first, &plan, cancel, counts)?;
+        plan.share = share(eq, &|steps| method.scheme(steps, false), &first, &plan, cancel, counts)?;
     }
-    let mut scheme = method.keeping(&plan).unwrap_or_else(|| method.scheme(plan.steps));
+    let mut scheme = method.keeping(&plan).unwrap_or_else(|| method.scheme(plan.steps, plan.exact_kinks));
     let run = drive(eq, scheme.as_mut(), first, &plan, cancel, progress, counts)?;
     if let Some(remark) = scheme.remark() {
         why = format!("{why}; {remark}");

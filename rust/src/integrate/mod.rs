@@ -190,10 +190,8 @@ pub trait Scheme {
     /// Something jumped (a restart, a kink): histories are worthless.
     fn reset(&mut self) {}
 
-    /// Are the first steps of a history as accurate as later ones, and single steps? Then motions by a tolerance end steps at kinks.
-    fn begins_well(&self) -> bool {
-        true
-    }
+    /// Steps will end at kinks of laws, and are looked at for them.
+    fn end_at_kinks(&mut self) {}
 
     /// What a reader of the result should know of how it went.
     fn remark(&self) -> Option<String> {

@@ -13,7 +13,8 @@ use crate::force::Side;
 use crate::multibody::System;
 use crate::run::Counts;
 use crate::tolerances::steps::{
-    AT_KINK, BESIDE_KINK, KINK_EFFECT, KINK_FOUND, KINK_GUESSED, KINK_POLISH, KINK_SEARCH, NOISE_SHARE, SEEN_KINK,
+    AT_KINK, BESIDE_KINK, KINK_CHANGE, KINK_CROWD, KINK_EFFECT, KINK_FOUND, KINK_GUESSED, KINK_POLISH, KINK_SEARCH,
+    NOISE_SHARE, SEEN_KINK,
 };
 
 use super::explicit8::Explicit8;
@@ -26,13 +27,14 @@ use super::{Equations, Instant, Motion, Scheme, scaled_size};
 const LOOKED: [f64; 7] = [0.125, 0.25, 0.375, 0.5, 0.625, 0.75, 0.875];
 /// A side was left beyond so many times the distance at which a step ends at its kink.
 const BESIDE_FOUND: f64 = 3.0;
+/// A kink is near to the end of a step within this part of the first one.
+const NEAR_KINK: f64 = 0.1;
 /// Interpolations in search of a first guess.
 const INTERPOLATED: usize = 6;
 const JUMPS: &str = "its force jumps";
 const ENDLESS: &str = "it passes its kink again and again without end";
 const WITHIN: &str = "it passes its kink within a step";
 const RESTS: &str = "it rests on its kink";
-const CROWDED: &str = "kinks of states are more than steps";
 const UNREACHED: &str = "no step ends at its kink";
 
 /// The step just made, for those who look at kinks in it.
@@ -40,8 +42,11 @@ pub(super) trait Within {
     /// Motions at fractions of it.
     fn between(&mut self, fractions: &[f64]) -> Result<Vec<Motion<f64>>>;
 
-    /// The error, over its tolerance, of a step in which laws were not held as here for a time up to a motion.
+    /// The error of a step in which laws were not held as here for a time up to a motion.
     fn effect(&mut self, held: &System, m: &Motion<f64>, time: f64) -> f64;
+
+    /// What an error may be.
+    fn allowed(&self) -> f64;
 }
 
 /// Where a motion is beside the kinks of its laws.
@@ -78,6 +83,8 @@ pub(super) struct Sides<'e, 's> {
     inside: Option<usize>,
     /// kinks that the step passes without an effect
     passed: Vec<usize>,
+    /// the length of a step in which the last kink that was passed changes the motion by a part of itself
+    longest: f64,
     /// the sides are other ones than the equations are held on, and by more than a step tells
     changed: bool,
     turned: bool,
@@ -96,10 +103,13 @@ impl<'e, 's> Sides<'e, 's> {
     pub fn new(eq: &'e Equations<'s, f64>, start: &Instant, rtol: Option<f64>, exact: bool) -> Option<Self> {
         let kinked = eq.kinked(!exact);
         let kinks = eq.sharp_kinks(&kinked);
-        if !kinks.iter().any(|k| k.acts) {
+        let of_states = kinks.iter().filter(|k| k.acts && k.is_of_state()).count();
+        let crowded = !exact && of_states > KINK_CROWD;
+        let ignored: Vec<bool> = kinks.iter().map(|k| !k.acts || crowded && k.is_of_state()).collect();
+        let n = kinks.len();
+        if ignored.iter().all(|i| *i) {
             return None;
         }
-        let (n, ignored) = (kinks.len(), kinks.iter().map(|k| !k.acts).collect());
         let share = |part: f64| rtol.map_or(0.0, |rtol| part * rtol);
         let (zero, at) = if exact {
             (BESIDE_KINK.max(share(NOISE_SHARE)), AT_KINK)
@@ -129,6 +139,7 @@ impl<'e, 's> Sides<'e, 's> {
             unseen: None,
             inside: None,
             passed: Vec::new(),
+            longest: f64::INFINITY,
             changed: false,
             turned: false,
             smooth: Vec::new(),
@@ -168,11 +179,6 @@ impl<'e, 's> Sides<'e, 's> {
     pub fn are_held(&self) -> (bool, bool) {
         let held = (0..self.sides.len()).all(|k| self.sides[k] != Side::Free || !self.kinks[k].acts);
         (held, held && !self.exact)
-    }
-
-    /// The system with laws on other sides.
-    pub fn on(&self, sides: &[Side]) -> System {
-        self.eq.held(&self.kinked, sides)
     }
 
     fn distances(&mut self, m: &Motion<f64>) -> Vec<Distance> {
@@ -284,6 +290,11 @@ impl<'e, 's> Sides<'e, 's> {
         !held.is_empty()
     }
 
+    /// How long the step behind the kink may be.
+    pub fn longest(&mut self) -> f64 {
+        std::mem::replace(&mut self.longest, f64::INFINITY)
+    }
+
     /// The length of another step over that of this one, of length h and a good error; None where the motion may go on from its end.
     pub fn judge(&mut self, (from, end): (&Instant, &Instant), h: f64, step: &mut dyn Within) -> Result<Option<f64>> {
         let t = from.motion.t;
@@ -300,7 +311,7 @@ impl<'e, 's> Sides<'e, 's> {
         self.ahead = Some(now);
         match self.search.take() {
             _ if far => Ok(None),
-            Some(search) => Ok(self.searched(search, h, at)),
+            Some(search) => Ok(self.searched(search, h, (at, &end.motion), step)),
             None => self.begun((t, h), (at, &end.motion), step),
         }
     }
@@ -333,6 +344,7 @@ impl<'e, 's> Sides<'e, 's> {
         (now, end): (Vec<f64>, &Motion<f64>),
         step: &mut dyn Within,
     ) -> Result<Option<f64>> {
+        self.longest = f64::INFINITY;
         let mut path = vec![(0.0, plain(&self.last))];
         let motions = step.between(&LOOKED)?;
         for (x, m) in LOOKED.iter().zip(&motions) {
@@ -347,9 +359,17 @@ impl<'e, 's> Sides<'e, 's> {
         let n = path.len() - 1;
         let is_behind = !self.left(&path[n].1, self.zero).is_empty();
         let first = (1..n).find(|j| !self.left(&path[*j].1, SEEN_KINK).is_empty());
-        if !self.exact && (is_behind || first.is_some()) && self.is_small(h, &path, (&motions, end), step) {
-            self.passed = self.left(&path[n].1, self.zero);
-            return Ok(None);
+        if !self.exact && (is_behind || first.is_some()) {
+            let (change, time) = self.change(h, &path, (&motions, end), step);
+            let is_lasting =
+                (0..n).any(|j| self.left(&path[j + 1].1, self.zero).iter().any(|k| self.kinks[*k].is_lasting()));
+            if change < KINK_EFFECT * step.allowed() && !is_lasting {
+                self.passed = self.left(&path[n].1, self.zero);
+                return Ok(None);
+            }
+            if change.is_finite() && change > 0.0 {
+                self.longest = time * (KINK_CHANGE / change).sqrt();
+            }
         }
         match first {
             _ if is_behind => self.search_from(t, h, path, first.unwrap_or(n), step).map(Some),
@@ -361,31 +381,37 @@ impl<'e, 's> Sides<'e, 's> {
         }
     }
 
-    /// Is what laws on the other sides of their kinks change in the step a small part of its tolerance? They are farthest from these at the
+    /// What laws on the other sides of their kinks change in the step, and the time in which they do. They are farthest from these at the
     /// end, or inside where they come back.
-    fn is_small(
+    fn change(
         &self,
         h: f64,
         path: &[Place],
         (inside, end): (&[Motion<f64>], &Motion<f64>),
         step: &mut dyn Within,
-    ) -> bool {
+    ) -> (f64, f64) {
         let left: Vec<Vec<usize>> = path.iter().map(|(_, d)| self.left(d, self.zero)).collect();
-        let Some(begin) = left.iter().position(|l| !l.is_empty()) else { return true };
-        if left.iter().flatten().any(|k| self.kinks[*k].is_lasting()) {
-            return false;
-        }
+        let Some(begin) = left.iter().position(|l| !l.is_empty()) else { return (0.0, h) };
         let n = path.len() - 1;
         let back = (0..self.sides.len()).filter(|k| !left[n].contains(k) && left.iter().any(|l| l.contains(k)));
-        let farthest = back.filter_map(|k| (1..n).max_by(|i, j| path[*i].1[k].abs().total_cmp(&path[*j].1[k].abs())));
+        let farthest = back.filter_map(|k| {
+            let behind = (1..n).filter(|j| left[*j].contains(&k));
+            behind.max_by(|i, j| path[*i].1[k].abs().total_cmp(&path[*j].1[k].abs()))
+        });
         let mut places: Vec<usize> = farthest.chain([n]).collect();
         places.dedup();
-        places.into_iter().filter(|j| !left[*j].is_empty()).all(|j| {
-            let mut sides = self.sides.clone();
-            left[j].iter().for_each(|k| sides[*k] = sides[*k].opposite());
+        let changes = places.into_iter().filter(|j| !left[*j].is_empty()).map(|j| {
             let time = h * (path[j].0 - path[begin].0 + LOOKED[0]);
-            step.effect(&self.on(&sides), inside.get(j - 1).unwrap_or(end), time) < KINK_EFFECT
-        })
+            (self.effect(&left[j], inside.get(j - 1).unwrap_or(end), time, step), time)
+        });
+        changes.fold((0.0, h), |most, own| if own.0 > most.0 || own.0.is_nan() { own } else { most })
+    }
+
+    /// What it changes up to a motion that laws were not on the other sides of these kinks for a time.
+    fn effect(&self, kinks: &[usize], m: &Motion<f64>, time: f64, step: &mut dyn Within) -> f64 {
+        let mut sides = self.sides.clone();
+        kinks.iter().for_each(|k| sides[*k] = sides[*k].opposite());
+        step.effect(&self.eq.held(&self.kinked, &sides), m, time)
     }
 
     /// Is the side of a kink undecided, and the motion on both within the step?
@@ -434,11 +460,12 @@ impl<'e, 's> Sides<'e, 's> {
             let x = path[j].0 - slope / bend * LOOKED[0];
             for m in step.between(&[x])? {
                 let there = plain(&self.eq.kink_distances(&self.kinked, &m, &self.sides));
-                let mut sides = self.sides.clone();
-                sides[k] = sides[k].opposite();
-                let counts = self.exact || step.effect(&self.on(&sides), &m, h * LOOKED[0]) >= KINK_EFFECT;
-                let counts = counts || self.kinks[k].is_lasting();
-                if self.left(&there, SEEN_KINK).contains(&k) && counts {
+                let is_seen = self.left(&there, SEEN_KINK).contains(&k);
+                let is_small = |step: &mut dyn Within| {
+                    let change = self.effect(&[k], &m, h * LOOKED[0], step);
+                    change < KINK_EFFECT * step.allowed() && !self.kinks[k].is_lasting()
+                };
+                if is_seen && (self.exact || !is_small(step)) {
                     self.inside = Some(k);
                     return Ok(Some(x));
                 }
@@ -447,11 +474,19 @@ impl<'e, 's> Sides<'e, 's> {
         Ok(None)
     }
 
-    fn searched(&mut self, mut search: Search, h: f64, now: Vec<f64>) -> Option<f64> {
+    fn searched(
+        &mut self,
+        mut search: Search,
+        h: f64,
+        (now, end): (Vec<f64>, &Motion<f64>),
+        step: &mut dyn Within,
+    ) -> Option<f64> {
         search.targets.extend(self.left(&now, self.zero));
         let is_behind = !self.passed_by(&search, &now).is_empty();
         let is_at = |k: &usize| !self.is_beyond(*k, now[*k], self.at);
-        let next = if search.is_last || !is_behind && self.passed_by(&search, &search.behind.1).iter().any(is_at) {
+        search.found = self.found(&search, &now, end, step);
+        let is_end = search.is_last || !search.found.is_empty();
+        let next = if is_end || !is_behind && self.passed_by(&search, &search.behind.1).iter().any(is_at) {
             None
         } else {
             search.narrow(h, now, is_behind);
@@ -462,6 +497,23 @@ impl<'e, 's> Sides<'e, 's> {
         };
         self.search = Some(search);
         next
+    }
+
+    /// Kinks that a step ends so near to that no error shows what laws change in between.
+    fn found(&self, search: &Search, now: &[f64], end: &Motion<f64>, step: &mut dyn Within) -> Vec<usize> {
+        if self.exact {
+            return Vec::new();
+        }
+        let time = |k: usize| search.time(k, now[k]);
+        let mut near = self.passed_by(search, now);
+        if near.is_empty() {
+            let ahead = self.passed_by(search, &search.behind.1);
+            near = ahead.into_iter().min_by(|a, b| time(*a).total_cmp(&time(*b))).into_iter().collect();
+        }
+        let longest = near.iter().map(|k| time(*k)).fold(0.0, f64::max);
+        let is_near = !near.is_empty() && longest < NEAR_KINK * search.behind.0;
+        let is_found = is_near && self.effect(&near, end, longest, step) < KINK_EFFECT * step.allowed();
+        if is_found { near } else { Vec::new() }
     }
 
     /// Kinks of a search behind which distances are.
@@ -489,7 +541,7 @@ impl<'e, 's> Sides<'e, 's> {
     /// The motion goes on beyond these kinks.
     fn turn_over(&mut self, m: &Motion<f64>, kinks: &[usize]) {
         for &k in kinks {
-            self.rests.meet(k, self.kinks[k].is_of_state());
+            self.rests.meet(k);
             if self.fresh[k] || !self.exact && self.rests.is_met_again(k) {
                 (self.ignored[k], self.sides[k]) = (true, Side::Free);
                 self.rests.begin(k);
@@ -505,20 +557,8 @@ impl<'e, 's> Sides<'e, 's> {
             (self.sides[k], self.fresh[k]) = (self.sides[k].opposite(), true);
             self.met += 1;
         }
-        if !self.exact && self.rests.are_crowded() {
-            self.let_states_go(m.t);
-        }
         (self.changed, self.turned) = (true, true);
         self.stretch_from(m.t);
-    }
-
-    /// More kinks of states than steps: the error control passes these with less work.
-    fn let_states_go(&mut self, t: f64) {
-        let states: Vec<usize> = (0..self.sides.len()).filter(|k| self.kinks[*k].is_of_state()).collect();
-        let all = states.into_iter().filter(|k| !self.ignored[*k]).collect::<Vec<_>>();
-        all.first().into_iter().for_each(|k| self.miss(t, *k, CROWDED));
-        all.iter().for_each(|k| (self.ignored[*k], self.sides[*k]) = (true, Side::Free));
-        self.rests.begin_together(&all);
     }
 
     /// The motion goes on from the end of a step.
@@ -528,16 +568,18 @@ impl<'e, 's> Sides<'e, 's> {
         self.hardest = self.hardest.max(scaled_size(&end.acceleration, &self.eq.scales()));
         let t = end.motion.t;
         let mut over = self.left(&now, self.zero);
-        over.retain(|k| !self.passed.contains(k));
+        let found = self.search.as_mut().map_or_else(Vec::new, |s| std::mem::take(&mut s.found));
+        over.retain(|k| !self.passed.contains(k) && !found.contains(k));
         over.iter().for_each(|k| self.miss(t, *k, WITHIN));
         if let Some(search) = self.search.take() {
-            let is_end = |k: &usize| search.is_last || !self.is_beyond(*k, now[*k], self.at);
+            let is_end = |k: &usize| !found.contains(k) && (search.is_last || !self.is_beyond(*k, now[*k], self.at));
             let ended: Vec<usize> = self.passed_by(&search, &search.behind.1).into_iter().filter(is_end).collect();
             let far: Vec<usize> =
                 ended.iter().copied().filter(|k| self.is_beyond(*k, now[*k], SEEN_KINK.max(self.at))).collect();
             far.into_iter().for_each(|k| self.miss(t, k, WITHIN));
             over.extend(ended);
         }
+        over.extend(found);
         over.sort_unstable();
         over.dedup();
         self.say_where_it_rests(&now, &end.motion);

@@ -61,8 +61,9 @@ pub const KINK_FOUND: f64 = 0.01;
 /// How far another interpolation moves the first guess of the length of a step to a kink, over the step, below which it is as good as the
 /// interpolation. Larger: more steps. Smaller: interpolations for nothing. Only work depends on it.
 pub const KINK_GUESSED: f64 = 1e-6;
-/// What a kink changes in a step, over its tolerance, below which the step may pass it. Larger: kinks add to the error of steps. Smaller:
-/// kinks are searched that no error shows. Pinned by `tests/motion/test_kinks.py`.
+/// What a kink changes in a step, over its tolerance, below which the step may pass it, and what a law changes between a kink and the end of
+/// a step that is to end there. Larger: kinks add to the error of steps. Smaller: kinks are searched that no error shows. Pinned by
+/// `tests/motion/test_kinks.py`.
 pub const KINK_EFFECT: f64 = 0.05;
 /// Steps in a row that end at one kink, above which the law passes it again and again. Larger: sliding on a law that chatters is followed in
 /// vain. Smaller: true contacts are not met.
@@ -72,11 +73,14 @@ pub const KINK_AGAIN: usize = 12;
 pub const KINK_REST: usize = 16;
 /// See `KINK_REST`.
 pub const LONGEST_REST: u32 = 12;
-/// Steps that end at kinks of states beyond those that do not, from which on they are passed by the error control: twenty hinges with
-/// hysteresis reverse more often than steps end. Larger: motions of many such laws take twice the time. Smaller: few laws are less accurate.
+/// Kinks of states of a model, reversals of rates or states, above which steps end at none of them and the error control passes all: twenty
+/// hinges with hysteresis reverse more often than steps end. Larger: motions of many such laws take twice the time. Smaller: few laws are
+/// less accurate. Pinned by `test_hinges_with_hysteresis_reverse_more_often_than_steps_end`, from above.
 pub const KINK_CROWD: usize = 8;
-/// Steps for which they are, at first; twice as many each time. Larger: as of a smaller `KINK_CROWD`. Smaller: as of a larger one.
-pub const CROWD_REST: usize = 64;
+/// What a kink changes in a motion within the step behind it, over the rates or the characteristic length, at most; the change grows with
+/// the square of the step. Larger: a step goes over many vibrations of a stiff contact before its error shows them. Smaller: steps behind kinks
+/// are short for nothing. Pinned by `test_a_stiff_contact_is_not_stepped_over`, from above.
+pub const KINK_CHANGE: f64 = 1.0;
 /// Steps between two that are both at a kink by the noise of steps, to find it to rounding. Larger: noise is searched. Smaller: as of a
 /// larger `AT_KINK`.
 pub const KINK_POLISH: usize = 5;

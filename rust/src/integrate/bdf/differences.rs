@@ -105,6 +105,12 @@ pub fn stretched(d: &mut [Pair], order: usize, factor: f64) {
 }
 
 impl LocalError {
+    pub fn scale(&mut self, factor: f64) {
+        for part in [&mut self.position, &mut self.rate, &mut self.state] {
+            part.iter_mut().for_each(|e| *e *= factor);
+        }
+    }
+
     /// Without what may be noise of this size.
     pub fn lessen(&mut self, noise: &LocalError) {
         for (own, noise) in [(&mut self.position, &noise.position), (&mut self.rate, &noise.rate)] {

@@ -9,8 +9,8 @@
 //! J_l(theta) dtheta = J_l J_l^-1 c dv = w, whatever the chart: the matrix is [M + c D + c^2 K, J^T; J, 0] without J_l, and theta is
 //! solved for v), or `inverse` without any tangent. Positions are projected at the end of a step, and the correction enters the
 //! differences (as in the projection of C. Lubich's and E. Eich's codes), so that histories stay consistent.
-//! The history begins with a point and its rates at order one, or with four equal steps: fixed ones, by Radau's method, and those
-//! without a tangent, whose equations lose what steps as short as order one needs them would divide by.
+//! How the history begins: `begin`.
+mod begin;
 pub mod differences;
 pub mod equations;
 mod inverse;
@@ -29,12 +29,12 @@ use super::kept::Parts;
 use super::radau::{FIVE, Radau};
 use super::{Equations, Instant, LocalError, Motion, Scheme, Step};
 use crate::multibody::rotations::rotation_triples;
-use crate::tolerances::steps::SAME_LENGTH;
+use begin::{Begin, OneStep};
 use differences::{Formula, Pair, backward_differences, gamma, stretched};
 use equations::Form;
 use inverse::Inverse;
 use newton::Newton;
-use record::{Kind, Origin, Recharted, Recorded};
+use record::{Kind, Recharted, Recorded};
 use start::Start;
 
 pub const MOST: usize = 5;
@@ -43,8 +43,6 @@ pub const FIXED: usize = 4;
 const WIDE: f64 = 1.0;
 /// A step shorter than this part of the last one leaves its points behind, where the corrector holds shares of the tolerance.
 const WIDEST: f64 = 1.6;
-/// Growth of first steps.
-const REGROWTH: f64 = 5.0;
 /// Fixed steps longer by this factor than the last one, which was divided, foresee nothing from it but its rates.
 pub const LONGER: f64 = 2.0;
 /// The least order that holds shares of the tolerance: below it the error of a unit of time hardly falls with the step.
@@ -119,23 +117,14 @@ struct Trial {
     unsolved: Option<LocalError>,
 }
 
-/// How a history begins.
-enum Begin {
-    /// at order one
-    Rates,
-    /// equal steps of Radau's method
-    Radau(Box<Radau>),
-    /// equal steps of order eight
-    Steps(Start),
-}
-
 pub struct Bdf {
     corrector: Box<dyn Corrector>,
     formula: Formula,
     order: usize,
     /// steps of one length and order: their errors have no tolerance that could choose
     fixed: bool,
-    stiff: bool,
+    /// vibrations or decays are much faster than the motion; looked for once
+    stiff: Option<bool>,
     /// of the whole run: what starts from rest is no slower than this
     time: f64,
     history: Option<History>,
@@ -160,14 +149,17 @@ pub struct Bdf {
 impl Bdf {
     /// With Newton's method; without a tolerance, fixed steps.
     pub fn newton(rtol: Option<f64>) -> Self {
-        let begin = if rtol.is_some() { Begin::Rates } else { Begin::Radau(Box::new(Radau::new(&FIVE, None))) };
+        let begin = match rtol {
+            Some(_) => Begin::OneStep(OneStep::stiff(rtol)),
+            None => Begin::Radau(Box::new(Radau::new(&FIVE, None))),
+        };
         Bdf::with(Box::new(Newton::new(rtol)), Formula::NDF, begin, rtol.is_none())
     }
 
     /// With inverse quasi-Newton updates; fixed steps take the backward differentiation formula itself.
     pub fn inverse(form: Form, family: Option<Family>, rtol: Option<f64>) -> Self {
         let formula = if rtol.is_none() { Formula::BDF } else { Formula::NDF };
-        let begin = Begin::Steps(Start::new(rtol));
+        let begin = Begin::Parts(Start::new(rtol));
         Bdf::with(Box::new(Inverse::new(form, family, rtol)), formula, begin, rtol.is_none())
     }
 
@@ -178,7 +170,7 @@ impl Bdf {
             order: if matches!(begin, Begin::Rates) { 1 } else { FIXED },
             begin,
             fixed,
-            stiff: false,
+            stiff: None,
             time: f64::INFINITY,
             history: None,
             points: Vec::new(),
@@ -192,90 +184,10 @@ impl Bdf {
         }
     }
 
-    fn begin(&mut self, eq: &Equations<'_, f64>, from: &Instant, h: f64) {
-        let n = from.motion.rate.len();
-        let scaled = |v: &[f64]| v.iter().map(|x| x * h).collect();
-        let mut d = vec![Pair::zero(n, eq.states(&from.motion).len()); MOST + 3];
-        d[0].v.clone_from(&from.motion.rate);
-        d[0].z = eq.states(&from.motion);
-        let z = scaled(&eq.state_rates(&from.motion));
-        d[1] = Pair { y: scaled(&from.motion.rate), v: scaled(&from.acceleration), z };
-        self.order = 1;
-        self.begun = true;
-        self.history = Some(History { t: from.motion.t, h, chart: from.motion.clone(), d, equal: 0, made: h });
-    }
-
-    /// The next of the equal first steps; none where they are through.
-    fn first_step(
-        &mut self,
-        eq: &Equations<'_, f64>,
-        from: &Instant,
-        h: f64,
-        counts: &mut Counts,
-    ) -> Result<Option<Step>> {
-        if !self.continues(from, h) {
-            self.points = vec![from.clone()];
-        }
-        let first = self.first_steps();
-        let made = match &mut self.begin {
-            Begin::Steps(start) if self.points.len() <= first => Some(start.step(eq, from, h, counts)?),
-            Begin::Radau(start) if self.points.len() <= first => Some(start.step(eq, from, h, false, counts)?),
-            _ => None,
-        };
-        Ok(made)
-    }
-
     /// Values between old points keep the slope error of their steps however short the new one is: a share of the tolerance in
     /// each unit of time then calls for new points.
     fn too_coarse(&self, history: &History, h: f64) -> bool {
         self.per_unit_step() && history.made > WIDEST * h
-    }
-
-    /// With fixed steps the difference of the highest order drops out of the formula, and what foresees its point is another.
-    fn first_steps(&self) -> usize {
-        if self.fixed && matches!(self.begin, Begin::Steps(_)) { FIXED - 1 } else { FIXED }
-    }
-
-    /// Whether fixed steps go on behind a first step that was divided.
-    fn divided(&self, from: &Instant, h: f64) -> bool {
-        let [.., a, b] = self.points.as_slice() else { return false };
-        self.fixed && b.motion.t == from.motion.t && h > LONGER * (b.motion.t - a.motion.t)
-    }
-
-    /// First steps are equal, but behind a kink they grow back to the length that steps had before it: in differences of short ones
-    /// rounding, over the step, would pass for an error.
-    fn back(&self) -> f64 {
-        match (&self.begin, self.points.as_slice()) {
-            (Begin::Steps(start), [.., a, b]) if start.undivided() => {
-                (self.usual / (b.motion.t - a.motion.t)).clamp(1.0, REGROWTH)
-            }
-            _ => 1.0,
-        }
-    }
-
-    /// Whether a step of this length goes on from the first points as they lie.
-    fn continues(&self, from: &Instant, h: f64) -> bool {
-        let times: Vec<f64> = self.points.iter().map(|p| p.motion.t).collect();
-        times.last() == Some(&from.motion.t) && times.windows(2).all(|w| ((w[1] - w[0]) / h - 1.0).abs() < SAME_LENGTH)
-    }
-
-    /// Differences of equally distant points, the last one first.
-    fn collect(&mut self, eq: &Equations<'_, f64>, h: f64) {
-        let points = std::mem::take(&mut self.points);
-        let Some(last) = points.last() else { return };
-        let pair = |p: &Instant| Pair {
-            y: eq.difference(&last.motion, &p.motion),
-            v: p.motion.rate.clone(),
-            z: eq.states(&p.motion),
-        };
-        let pairs: Vec<Pair> = points.iter().rev().map(pair).collect();
-        if let Some(record) = &mut self.record {
-            record.origin = Origin::Points(pairs.iter().map(|p| p.y.clone()).collect());
-        }
-        let mut d = backward_differences(pairs);
-        d.resize(MOST + 3, Pair::zero(eq.n(), eq.states(&last.motion).len()));
-        self.order = FIXED;
-        self.history = Some(History { t: last.motion.t, h, chart: last.motion.clone(), d, equal: 0, made: h });
     }
 
     /// The error of the formula of an order that a difference shows beyond what the equations leave unsolved.
@@ -317,7 +229,10 @@ impl Scheme for Bdf {
     }
 
     fn power(&self) -> f64 {
-        self.power_of(self.order)
+        match &self.begin {
+            Begin::OneStep(start) if self.history.is_none() => start.power(),
+            _ => self.power_of(self.order),
+        }
     }
 
     fn rounding(&self) -> f64 {
@@ -343,15 +258,8 @@ impl Scheme for Bdf {
             }
         } else if self.history.as_ref().is_none_or(|k| k.t != from.motion.t || self.too_coarse(k, h)) {
             self.history = None;
-            if let Begin::Rates = self.begin {
-                self.stiff = eq.is_stiff(from, self.time, counts)?;
-                self.begin(eq, from, h);
-            } else if self.divided(from, h) {
-                self.begin(eq, from, h);
-            } else if let Some(step) = self.first_step(eq, from, h, counts)? {
+            if let Some(step) = self.begins(eq, from, h, estimate, counts)? {
                 return Ok(step);
-            } else {
-                self.collect(eq, h);
             }
         }
         self.keep_next();
@@ -398,10 +306,7 @@ impl Scheme for Bdf {
     fn accept(&mut self, eq: &Equations<'_, f64>, from: &Instant, step: &Step, h: f64) {
         let k = self.order;
         let (Some(history), Some(d)) = (self.history.as_mut(), self.tried.take()) else {
-            if let Begin::Radau(start) = &mut self.begin {
-                start.accept(eq, from, step, h);
-            }
-            self.points.push(step.end.clone());
+            self.begun_by(eq, from, step, h);
             return;
         };
         self.begun = false;
@@ -438,11 +343,14 @@ impl Scheme for Bdf {
 
     fn over(&mut self, time: f64) {
         self.time = time;
+        if let Begin::OneStep(start) = &mut self.begin {
+            start.scheme.over(time);
+        }
     }
 
     /// In a stiff scene rates count by what they move within a step: fast vibrations that move little may be stepped over.
     fn rate_time(&self, h: f64) -> f64 {
-        if self.stiff { h } else { f64::INFINITY }
+        if self.stiff == Some(true) { h } else { f64::INFINITY }
     }
 
     /// In a stiff scene accelerations hold the vibration that steps go over: outputs then lie on the polynomial of the method.
@@ -455,11 +363,15 @@ impl Scheme for Bdf {
         fractions: &[f64],
         counts: &mut Counts,
     ) -> Result<Vec<Motion<f64>>> {
-        if let (None, Begin::Steps(start)) = (&self.history, &self.begin) {
-            let at = |x: &f64| start.between(eq, from.motion.t + x * h, counts);
-            return Ok(fractions.iter().map(at).collect::<Result<Vec<_>>>()?.into_iter().flatten().collect());
+        match (&self.history, &mut self.begin) {
+            (None, Begin::Parts(start)) => {
+                let at = |x: &f64| start.between(eq, from.motion.t + x * h, counts);
+                return Ok(fractions.iter().map(at).collect::<Result<Vec<_>>>()?.into_iter().flatten().collect());
+            }
+            (None, Begin::OneStep(start)) => return start.scheme.between(eq, from, step, h, fractions, counts),
+            _ => {}
         }
-        let (Some(history), Some(last), true) = (&self.history, &self.tried, self.stiff) else {
+        let (Some(history), Some(last), Some(true)) = (&self.history, &self.tried, self.stiff) else {
             return Ok(quintic(eq, from, &step.end, h, fractions));
         };
         // differences as they will be at the end of the step
@@ -491,7 +403,7 @@ impl Scheme for Bdf {
             return None;
         }
         let k = self.order;
-        let Some(history) = &self.history else { return Some(self.back()) };
+        let Some(history) = &self.history else { return Some(self.first_factor(size)) };
         if history.equal <= k {
             return Some(1.0);
         }
@@ -521,9 +433,11 @@ impl Scheme for Bdf {
         self.kept_parts()
     }
 
-    /// Steps of order one behind every kink err more than those of a history that goes on across it, and steps of many parts hide kinks.
-    fn begins_well(&self) -> bool {
-        false
+    /// A step in many parts would hide them.
+    fn end_at_kinks(&mut self) {
+        if let Begin::Parts(start) = &self.begin {
+            self.begin = Begin::OneStep(OneStep::smooth(start));
+        }
     }
 
     fn reset(&mut self) {
@@ -531,8 +445,10 @@ impl Scheme for Bdf {
         self.record = None;
         self.corrector.reset();
         self.points.clear();
-        if let Begin::Radau(start) = &mut self.begin {
-            start.reset();
+        match &mut self.begin {
+            Begin::Radau(start) => start.reset(),
+            Begin::OneStep(start) => start.scheme.reset(),
+            Begin::Rates | Begin::Parts(_) => {}
         }
     }
 

@@ -6,9 +6,10 @@ use super::super::explicit8::RecordedStage;
 use super::super::kept::Parts;
 use super::super::radau::{FIVE, Radau};
 use super::super::{Equations, Instant, Scheme, Step};
+use super::begin::Begin;
 use super::differences::Formula;
 use super::newton::Newton;
-use super::{Bdf, Begin, FIXED, History, LONGER, Trial};
+use super::{Bdf, FIXED, History, LONGER, Trial};
 use crate::tolerances::steps::SAME_LENGTH;
 
 /// `Scheme::formula` of steps without an order of their own: a start step of another method, one that begins a history from rates.
@@ -130,7 +131,12 @@ impl Bdf {
         Bdf::with(Box::new(Newton::new(None)), Formula::NDF, start, false)
     }
 
-    /// Steps by a tolerance that are solved to rounding and kept.
+    /// Steps by a tolerance of a motion that is differentiated.
+    pub fn from_rates(rtol: f64) -> Self {
+        Bdf::with(Box::new(Newton::new(Some(rtol))), Formula::NDF, Begin::Rates, false)
+    }
+
+    /// The same, solved to rounding and kept.
     pub fn keeping(rtol: f64) -> Self {
         let newton = Newton::new(Some(rtol)).until_rounding();
         Bdf { keeps: true, ..Bdf::with(Box::new(newton), Formula::NDF, Begin::Rates, false) }
@@ -210,7 +216,7 @@ impl Bdf {
                 }
                 return Ok(Some(made));
             }
-            (Kind::Rates, _) => self.begin(eq, from, h),
+            (Kind::Rates, _) => self.begin_from_rates(eq, from, h),
             (Kind::Points, _) => self.collect(eq, h),
             (Kind::Goes(order), _) => self.order = order,
             (Kind::Start, _) => {}

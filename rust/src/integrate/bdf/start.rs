@@ -14,13 +14,21 @@ const MOST_PARTS: usize = 4096;
 pub struct Start {
     /// error of a part, characteristic lengths or radians
     allowed: f64,
+    /// the tolerance over it
+    strict: f64,
     /// starts of the parts of the last step
     parts: Vec<Instant>,
 }
 
 impl Start {
     pub fn new(rtol: Option<f64>) -> Self {
-        Start { allowed: rtol.map_or(FIXED_SOLVED, |r| (NOISE_SHARE * r).max(FIXED_SOLVED)), parts: Vec::new() }
+        let allowed = rtol.map_or(FIXED_SOLVED, |r| (NOISE_SHARE * r).max(FIXED_SOLVED));
+        Start { allowed, strict: rtol.map_or(1.0, |r| r / allowed), parts: Vec::new() }
+    }
+
+    /// How many times an error counts.
+    pub fn strict(&self) -> f64 {
+        self.strict
     }
 
     /// Whether the last step was made at once.

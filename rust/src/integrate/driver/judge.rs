@@ -41,7 +41,11 @@ impl Within for Made<'_, '_, '_, '_> {
             state: off(&z, &w, 0.5 * time),
         };
         let speed = self.driver.speed.max(self.driver.scaled(&m.rate));
-        self.driver.size(&error, speed, self.scheme.rate_time(self.h)) / self.allowed
+        self.driver.size(&error, speed, self.scheme.rate_time(self.h))
+    }
+
+    fn allowed(&self) -> f64 {
+        self.allowed
     }
 }
 
