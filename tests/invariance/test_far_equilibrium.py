@@ -38,31 +38,57 @@ def angles(a, b):
     return np.abs(turned_by - np.eye(3)).max()
 
 
+def off_and_stated(m, rng, distance):
+    """Distance between the equilibria of the same points far away and near to the origin, and the sum of their stated errors."""
+    length = compiled(m).characteristic_length
+    change = turned(rng, distance * length)
+    far = change(m)
+    found, near = mb.equilibrium(far), mb.equilibrium(moved(-change.shift)(far))
+    off = np.abs(found.poses["position"] - near.poses["position"] - change.shift).max() / length
+    stated = found.error + near.error
+    print(
+        f"{distance:.0e}: {found.status}, {found.iterations}, off {off:.1e}, {angles(found, near):.1e}, stated {stated:.1e}"
+    )
+    return max(off, angles(found, near)), stated
+
+
 # the search for that of seed 8 in these units and this world does not end near to the origin either
 @pytest.mark.parametrize(
     "seed", [72, 157, 181, *(pytest.param(s, marks=pytest.mark.slow) for s in range(60) if s != 8)]
 )
 def test_the_error_far_from_the_origin_is_stated(seed):
     """In mixed units, at distances of up to 1e4 lengths: the stated errors are at least a third of the distance between the equilibria of
-    the same points far away and near to the origin. Of loops they do not count what closing leaves open, up to 90 times as much: these
-    agree within the tolerance of the drawing."""
+    the same points far away and near to the origin."""
     if jitter.level():
         pytest.skip("noise on far places moves points")
     rng = np.random.default_rng([seed, 8])
     m, _ = graded(seed)
     unit = 10 ** rng.uniform(-3, 3)
     m = in_units(unit, 10 ** rng.uniform(-3, 3), 10 ** rng.uniform(-2, 2))(m)
-    length = compiled(m).characteristic_length
     for distance in (*10 ** rng.uniform(0, 4, 2), 1e4):
-        change = turned(rng, distance * length)
-        far = change(m)
-        found, near = mb.equilibrium(far), mb.equilibrium(moved(-change.shift)(far))
-        off = np.abs(found.poses["position"] - near.poses["position"] - change.shift).max() / length
-        stated = found.error + near.error
-        print(
-            f"{distance:.0e}: {found.status}, {found.iterations}, off {off:.1e}, {angles(found, near):.1e}, stated {stated:.1e}"
-        )
-        assert max(off, angles(found, near)) <= (m.tolerance + stated if "loop" in m.name else 3 * stated)
+        off, stated = off_and_stated(m, rng, distance)
+        assert off <= 3 * stated
+
+
+@pytest.mark.parametrize("n", [5, pytest.param(100, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("distance", [1.0, 1e2, 1e4, 1e6])
+def test_the_error_of_graded_loops_is_stated(distance, n):
+    """Loops alone: the stated errors are at least a third of the distance, and in the median at most a hundred times as much."""
+    if jitter.level():
+        pytest.skip("noise on far places moves points")
+    shares, eps = [], np.finfo(float).eps
+    # the search for that of seed 37 does not end in this turned world, near to the origin either
+    for seed in (s for s in range(n) if s != 37):
+        rng = np.random.default_rng([seed, 77])
+        m = random_loop(rng, LOOPS[int(rng.integers(2))], rod=bool(rng.integers(2)))
+        factor = 10 ** rng.uniform(0, 9)
+        stiff = [f"{e.name}.k" for e in m.elements if rng.random() < 0.5]
+        m.set({address: np.asarray(m.value(address)) * factor for address in stiff})
+        off, stated = off_and_stated(m, rng, distance)
+        # places and angles are compared with the rounding of their differences
+        assert off <= 3 * stated + 4 * eps
+        shares.append(off / stated)
+    assert np.median(shares) > 0.01
 
 
 @pytest.mark.parametrize("seed", [0, 1, *(pytest.param(s, marks=pytest.mark.slow) for s in range(2, 60))])

@@ -146,3 +146,73 @@ def test_the_error_of_a_stiff_spring_far_away_is_stated(seed):
     assert true <= 3 * eq.error
     assert eq.error < 1e-7 and eq.iterations < 100
     assert (eq.status == "converged") == (eq.residual <= 1e-9)
+
+
+def sprung_four_bar(rng):
+    """A four-bar on parallel oblique hinges far from the origin, its coupler on a stiff spring, in random units: redundant rows. With it
+    the work of its forces over a small turn of the crank, from a crank angle by 60 digits. Invented data."""
+    unit, force = 10.0 ** rng.uniform(-3, 3, 2)
+    far = rng.normal(size=3) * 10.0 ** rng.uniform(0, 6) * unit
+    frame = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+    flat = np.array([[0, 0], [0.6, 1.1], [2.3, 1.5], [2.1, 0.1]]) + 0.2 * rng.normal(size=(4, 2))
+    points = far + unit * flat @ frame[:2]
+    stiff, down = 10.0 ** rng.uniform(1, 9), frame[:2].T @ rng.normal(size=2) * force
+    names, ends = ("crank", "coupler", "rocker"), [(0, 1), (1, 2), (3, 2)]
+    centres = [points[list(e)].mean(axis=0) + 0.1 * unit * rng.normal(size=2) @ frame[:2] for e in ends]
+    tip, start = (far + unit * (flat[1:3].mean(axis=0) + 0.5 * rng.normal(size=2)) @ frame[:2] for _ in range(2))
+    k, rest = stiff * force / unit, float(np.linalg.norm(tip - start)) * rng.uniform(0.99, 1.01)
+    m = mb.Model("four-bar", gravity=tuple(down))
+    bodies = [m.body(b, mass=1.0, inertia=np.full(3, 0.1 * unit**2), at=c) for b, c in zip(names, centres, strict=True)]
+    for i, (a, b) in enumerate([(m.ground, bodies[0]), tuple(bodies[:2]), tuple(bodies[1:]), (bodies[2], m.ground)]):
+        m.revolute(f"h{i}", a, b, at=points[i], axis=frame[2])
+    m.spring_damper("s", m.ground, bodies[1], at=(start, tip), k=k, length=rest)
+
+    def plane(p):
+        from_far = [mp.mpf(float(x)) - mp.mpf(float(y)) for x, y in zip(p, points[0], strict=True)]
+        return mp.mpc(*(mp.fdot(from_far, [mp.mpf(float(v)) for v in axis]) for axis in frame[:2])) / mp.mpf(unit)
+
+    A, B, C, D = (plane(p) for p in points)
+    weight = mp.mpc(
+        *(mp.fdot([mp.mpf(float(v)) for v in down], [mp.mpf(float(v)) for v in axis]) for axis in frame[:2])
+    )
+    side = mp.sign(mp.im(mp.conj(D - B) * (C - B)))
+
+    def turns(angle):
+        """Unit complex numbers by which the three bodies turn, and the points B, C."""
+        b = A + (B - A) * mp.expj(angle)
+        across, r, s = D - b, abs(C - B), abs(C - D)
+        along = (abs(across) ** 2 + r**2 - s**2) / (2 * abs(across))
+        c = b + across / abs(across) * mp.mpc(along, side * mp.sqrt(r**2 - along**2))
+        return (mp.expj(angle), (c - b) / (C - B), (c - D) / (C - D)), b
+
+    def energy(angle):
+        (first, second, third), b = turns(angle)
+        places = [A + (plane(centres[0]) - A) * first, b + (plane(centres[1]) - B) * second]
+        places.append(D + (plane(centres[2]) - D) * third)
+        stretch = abs(b + (plane(tip) - B) * second - plane(start)) - mp.mpf(rest) / mp.mpf(unit)
+        fall = sum(mp.re(mp.conj(weight) * p) for p in places) / mp.mpf(force)
+        return mp.mpf(k) * mp.mpf(unit) / mp.mpf(force) * stretch**2 / 2 - fall
+
+    return m, names, frame, turns, energy
+
+
+@pytest.mark.exact
+@pytest.mark.parametrize("seed", [*range(10), *(pytest.param(s, marks=pytest.mark.slow) for s in range(10, 100))])
+def test_the_error_of_a_loop_far_away_is_stated(seed):
+    """Against 60 digits: the stated error is at least a third of the true one of each angle."""
+    if jitter.level():
+        pytest.skip("noise on far places moves points")
+    with mp.workdps(60):
+        m, names, frame, turns, energy = sprung_four_bar(np.random.default_rng([63, seed]))
+        eq = mb.equilibrium(m)
+        rotations = dict(zip(eq.bodies, eq.poses["rotation"], strict=True))
+        found = [np.arctan2(frame[1] @ rotations[b] @ frame[0], frame[0] @ rotations[b] @ frame[0]) for b in names]
+        exact = mp.findroot(lambda a: mp.diff(energy, a), mp.mpf(float(found[0])), tol=1e-40)
+        true = max(
+            abs(float(mp.arg(z * mp.expj(-mp.mpf(float(a)))))) for z, a in zip(turns(exact)[0], found, strict=True)
+        )
+    print(
+        f"true {true:.1e}, stated {eq.error:.1e}, residual {eq.residual:.1e}, {eq.status}, {eq.iterations} iterations"
+    )
+    assert true <= 3 * eq.error + 4 * np.finfo(float).eps
+    assert eq.error < 1e-3

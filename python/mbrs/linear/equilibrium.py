@@ -55,8 +55,8 @@ class Equilibrium(StateResult, Result):
         A sentence for each loop of which the drawing decides only just whether it moves, with its joints; one where knife edges or
         rolling discs hold a place that is one of a family; and one that names the coordinates whose forces are unresolved.
     error
-        Estimated distance to the exact equilibrium: the Newton step that is left and what rounding of places hides, with it of the arms of
-        forces and of the strains of springs, radians or characteristic lengths.
+        Estimated distance to the exact equilibrium: the Newton step that is left, what closing leaves open of loops and what rounding of
+        places hides, with it of the arms of forces and of the strains of springs, radians or characteristic lengths.
     """
 
     state: State

@@ -5,14 +5,18 @@
 //! step, and where that stalls dynamic relaxation: implicit steps of (K + sigma M) with sigma falling as the residual does. What has
 //! shortened many steps goes on by descent in energy (`descent`).
 pub mod descent;
+pub mod distance;
 pub mod follow;
 pub mod local;
+pub mod newton;
 pub mod steering;
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::DVector;
 
 use crate::equilibrium::descent::{Descent, same_coordinates};
-use crate::equilibrium::local::{LONGEST_STEP, Local, Spectrum, moved, nan_or_larger, spectrum};
+use crate::equilibrium::distance::distance;
+use crate::equilibrium::local::{LONGEST_STEP, Local, Spectrum, moved, spectrum};
+use crate::equilibrium::newton::{initial_sigma, newton_answer, newton_step};
 use crate::equilibrium::steering::steering_joints;
 use crate::error::{Error, Result};
 use crate::linearize::{Linearization, Setting, linearize};
@@ -20,7 +24,7 @@ use crate::multibody::System;
 use crate::multibody::assemble::Effects;
 use crate::multibody::placement::State;
 use crate::run::{Cancel, Counts};
-use crate::tolerances::equilibrium::{BALANCED, CLOSE, NEARLY_BALANCED, PUSHED, SETTLED, USUAL};
+use crate::tolerances::equilibrium::{BALANCED, CLOSE, NEARLY_BALANCED, PUSHED, SETTLED};
 
 const MAX_ITERATIONS: usize = 400;
 /// Iterations, and steps that were shortened, after which descent in energy takes over from Newton's method.
@@ -221,44 +225,6 @@ fn pushed_freely(local: &Local, spectrum: &Spectrum) -> bool {
     (0..spectrum.values.len()).any(|k| !spectrum.is_held(k) && spectrum.push(k, &local.r) > PUSHED)
 }
 
-fn initial_sigma(local: &Local) -> f64 {
-    let m = local.m.diagonal().amax().max(f64::MIN_POSITIVE);
-    local.k.amax().max(local.r.amax()) / m
-}
-
-/// -K^-1 r; along negative stiffness downhill, along none not at all.
-fn newton_step(local: &Local, spectrum: &Spectrum, sigma: f64) -> Result<DVector<f64>> {
-    if sigma > 0.0 {
-        let a = &local.k + &local.m * sigma;
-        if let Some(step) = a.lu().solve(&-&local.r).filter(|s| s.iter().all(|v| v.is_finite())) {
-            return Ok(step);
-        }
-    }
-    newton_answer(local, spectrum, &local.r)
-}
-
-fn newton_answer(local: &Local, spectrum: &Spectrum, r: &DVector<f64>) -> Result<DVector<f64>> {
-    let all = newton_answers(local, spectrum, &DMatrix::from_column_slice(r.len(), 1, r.as_slice()))?;
-    Ok(all.column(0).into_owned())
-}
-
-/// The same for each column of forces.
-fn newton_answers(local: &Local, spectrum: &Spectrum, r: &DMatrix<f64>) -> Result<DMatrix<f64>> {
-    // K itself where it leads downhill anyway; its symmetric part where that decides about up and down
-    let definite = (0..spectrum.values.len()).all(|k| spectrum.values[k] > spectrum.none[k]);
-    if !local.conservative() && (definite || !local.may_be_conservative()) {
-        let step = local.k.clone().lu().solve(&-r).filter(|s| s.iter().all(|v| v.is_finite()));
-        return step.ok_or_else(|| {
-            Error::singular("the tangent stiffness is singular under follower loads; restrain the model")
-        });
-    }
-    let mut along = spectrum.vectors.tr_mul(r);
-    for (k, mut row) in along.row_iter_mut().enumerate() {
-        row *= if spectrum.is_held(k) { -1.0 / spectrum.values[k].abs() } else { 0.0 };
-    }
-    Ok(&spectrum.vectors * along)
-}
-
 /// One accepted step: full or shortened, or of the relaxation; the flag says which.
 fn advance_once(
     system: &System,
@@ -360,12 +326,6 @@ fn at_rest<'a>(system: &'a System, state: &'a State, effects: Effects) -> Settin
     Setting { system, state, memory: &[], acceleration: &[], effects }
 }
 
-/// The displacement that rounding usually makes, each source in no particular direction.
-fn hidden(local: &Local, spectrum: &Spectrum, sources: &DMatrix<f64>) -> Result<f64> {
-    let moved = newton_answers(local, spectrum, sources)?;
-    Ok(USUAL * moved.row_iter().map(|row| row.norm()).fold(0.0, nan_or_larger))
-}
-
 fn finish(system: &System, state: State, local: Local, effects: Effects, iterations: usize) -> Result<Equilibrium> {
     let spectrum = spectrum(&local)?;
     let mut free_directions = Vec::new();
@@ -375,11 +335,7 @@ fn finish(system: &System, state: State, local: Local, effects: Effects, iterati
         }
         free_directions.push(direction_names(system, &local, &spectrum.vectors.column(k).into_owned()));
     }
-    let step = newton_step(&local, &spectrum, 0.0).map_or(f64::NAN, |s| s.amax());
-    let sources = local.rounding(&at_rest(system, &state, effects));
-    // places themselves are rounded to half of their last digits
-    let places = 0.25 * f64::EPSILON * local.far;
-    let error = step + hidden(&local, &spectrum, &sources).unwrap_or(f64::NAN) + places;
+    let error = distance(&at_rest(system, &state, effects), &local, &spectrum).unwrap_or(f64::NAN);
     let stable = spectrum.stable();
     let residual = local.unbalance();
     let unresolved = local.unresolved().map(|left| direction_names(system, &local, &left));

@@ -59,6 +59,8 @@ pub struct Linearization {
     pub loops: Option<Loops>,
     /// B'' on the dependent coordinates
     pub dependent_map: Option<DMatrix<f64>>,
+    /// what closed loops were reduced from
+    pub tree: Option<Tree>,
     /// multipliers of the constraint rows
     pub lam: Vec<f64>,
     /// generalised force that is not balanced, minimal coordinates
@@ -75,6 +77,17 @@ pub struct Linearization {
     pub force_scale: f64,
     /// the same of the island that each minimal coordinate moves
     pub force_sizes: Vec<f64>,
+}
+
+/// Over the tree coordinates of a model with closed loops.
+#[derive(Debug, Clone)]
+pub struct Tree {
+    /// what is left open of each constraint row
+    pub phi: DVector<f64>,
+    /// its Jacobian
+    pub jacobian: DMatrix<f64>,
+    /// S, with that of the multipliers
+    pub stiffness: DMatrix<f64>,
 }
 
 /// Rows of tree coordinates to minimal ones, B''^T X.
@@ -195,18 +208,18 @@ pub(crate) struct Path<'a, T: Real> {
     pub rate: &'a [T],
 }
 
-/// J of the cut joints, their rank and redundancy, and B'', or None for an open tree.
-type Closed = (DMatrix<f64>, Option<Loops>, Option<DMatrix<f64>>);
+/// Phi and J of the cut joints, their rank and redundancy, and B'', or None for an open tree.
+type Closed = (DVector<f64>, DMatrix<f64>, Option<Loops>, Option<DMatrix<f64>>);
 
 fn closed(setting: &Setting<'_>, scene: &Scene<'_, f64>) -> Result<Closed> {
     let system = setting.system;
     check_directions(system, scene)?;
-    let (_, jacobian) = scene.constraints();
+    let (phi, jacobian) = scene.constraints();
     let decision = system.decision(setting.effects)?;
     let found = reduction(system, scene, &Matrix::Dense(jacobian.clone()), &decision)?;
     let loops = found.map(|l| Loops::dense(l, &decision));
     let b = loops.as_ref().map(|l| l.dependent_map(&jacobian));
-    Ok((jacobian, loops, b))
+    Ok((phi, jacobian, loops, b))
 }
 
 fn check_directions(system: &System, scene: &Scene<'_, f64>) -> Result<()> {
@@ -247,7 +260,7 @@ pub fn linearize(setting: &Setting<'_>, counts: &mut Counts) -> Result<Lineariza
              matrices then; linearise a state at rest, or follow the motion in time (mb.simulate)"
         )));
     }
-    let (jacobian, loops, b) = closed(setting, &scene)?;
+    let (phi, jacobian, loops, b) = closed(setting, &scene)?;
     if loops.is_some() {
         counts.add("loop factorisations", 1);
     }
@@ -273,9 +286,12 @@ pub fn linearize(setting: &Setting<'_>, counts: &mut Counts) -> Result<Lineariza
         let follow = Follow { setting, loops, jacobian: &jacobian, path: &path };
         turning = Some(rolling(&follow, b, straight, &tangent, force_scale)?);
     }
-    let (matrices, residual) = match (&loops, &b) {
-        (Some(l), Some(b)) => (reduce(&tangent, l, b, turning.as_ref(), setting.effects), l.reduce_vector(&tau, b)),
-        _ => (unreduced(tangent), tau),
+    let (matrices, residual, tree) = match (&loops, &b) {
+        (Some(l), Some(b)) => {
+            let matrices = reduce(&tangent, l, b, turning.as_ref(), setting.effects);
+            (matrices, l.reduce_vector(&tau, b), Some(Tree { phi, jacobian, stiffness: tangent.stiffness }))
+        }
+        _ => (unreduced(tangent), tau, None),
     };
     let body_map = body_map(system, &system.geometry, &placement, loops.as_ref().zip(b.as_ref()));
     let ground_coupling = reduce_rows(scene.ground_coupling(), loops.as_ref().zip(b.as_ref()));
@@ -283,6 +299,7 @@ pub fn linearize(setting: &Setting<'_>, counts: &mut Counts) -> Result<Lineariza
     Ok(Linearization {
         matrices,
         dependent_map: b,
+        tree,
         lam: lam.as_slice().to_vec(),
         residual,
         acceleration,
