@@ -114,7 +114,7 @@ def test_far_beyond_its_reference_rate_friction_saturates():
 @pytest.mark.parametrize(
     ("make", "text"),
     [
-        (lambda: laws.Cubic(np.nan), "k3 must be finite"),
+        (lambda: laws.Cubic(np.nan), "k3 must be a finite number"),
         (lambda: laws.Cubic("1"), "k3 must be a number"),
         (lambda: laws.Cubic([1.0]), "k3 must be a number"),
         (lambda: laws.Cubic(None), "k3 must be a number"),
@@ -134,7 +134,7 @@ def test_far_beyond_its_reference_rate_friction_saturates():
         (lambda: laws.TableLaw([0.0], [1.0]), "at least 2"),
         (lambda: laws.Jenkins(-1.0, 1.0), "k must be positive"),
         (lambda: laws.Iwan([1.0], [1.0, 2.0]), "1 stiffnesses but 2"),
-        (lambda: laws.VaryingStiffness(1.0, order=0.5), "order must be a positive integer"),
+        (lambda: laws.VaryingStiffness(1.0, order=0.5), "order must be an integer from 1"),
     ],
 )
 def test_wrong_numbers_say_so(make, text):

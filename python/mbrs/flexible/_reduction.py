@@ -111,6 +111,8 @@ def _modes(M: Array, K: Array, n: int, held: bool, whose: str) -> tuple[Array, A
         mu, phi = scipy.linalg.eigh(M, K + shift * M, subset_by_index=(size - n, size - 1))
     except scipy.linalg.LinAlgError:
         raise _loose(whose) from None
+    if len(mu) < n:  # numbers that are none, of stiffnesses that underflow
+        raise _loose(whose)
     if not np.all(mu > 0):
         raise SingularError(f"{whose}: the mass matrix is not positive definite; give every freedom some mass")
     mu, phi = mu[::-1], phi[:, ::-1]

@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from .._lib.checks import shown
 from .._lib.files import write_atomic
 from .._lib.formats import Format, open_file, register
 from .._lib.matrix_files import MatrixSet
@@ -146,7 +147,7 @@ def write(matrices: Mapping[str, Any], path: Path) -> Path:
 
     for name in matrices:
         if not (name.isascii() and name.isidentifier() and len(name) <= 31 and not name.startswith("_")):
-            raise ModelError(f"a variable of a MATLAB file has a name of letters and digits, got {name!r}")
+            raise ModelError(f"a variable of a MATLAB file has a name of letters and digits, got {shown(name)}")
     buffer = io.BytesIO()
     savemat(buffer, dict(matrices))
     return write_atomic(path, buffer.getvalue())

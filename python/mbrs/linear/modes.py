@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from .._lib.border import core_errors
-from .._lib.checks import one_or_names, real_array
+from .._lib.checks import LARGEST, one_or_names, real_array, shown
 from .._lib.progress import call_progress
 from ..errors import ConvergenceError, ModelError, SingularError
 from ..model.book import Book
@@ -135,15 +135,15 @@ def _count(n: int | None, dof: int) -> int | None:
 
 def _positive(n: Any) -> int:
     if isinstance(n, bool) or not isinstance(n, int | np.integer) or n < 1:
-        raise ModelError(f"n must be a positive number of modes, got {n!r}")
+        raise ModelError(f"n must be a positive number of modes, got {shown(n)}")
     return int(n)
 
 
 def _shift(shift: Any, n: int | None) -> float | None:
     if shift is None:
         return None
-    if isinstance(shift, bool) or not isinstance(shift, int | float | np.number) or not 0.0 <= shift < math.inf:
-        raise ModelError(f"shift must be a frequency in Hz, zero or positive, got {shift!r}")
+    if isinstance(shift, bool) or not isinstance(shift, int | float | np.number) or not 0.0 <= shift <= LARGEST:
+        raise ModelError(f"shift must be a frequency in Hz, zero or positive, got {shown(shift)}")
     if n is None:
         raise ModelError("shift= asks for the modes nearest to a frequency: say how many with n=")
     return float(shift)

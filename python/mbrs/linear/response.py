@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from .._lib.border import core_errors, require_memory
-from .._lib.checks import UNFIT, choice, real_array, rising
+from .._lib.checks import UNFIT, choice, real_array, rising, shown
 from .._lib.progress import call_progress
 from .._lib.text import counted, number, without_rounding
 from ..errors import ModelError
@@ -340,7 +340,7 @@ def _load_pairs(loads: Any) -> tuple[list[Any], list[Any]]:
     ports, functions = [], []
     for pair in pairs:
         if not isinstance(pair, tuple | list) or len(pair) != 2:
-            raise ModelError(f"loads must hold pairs (input, load), got {pair!r}")
+            raise ModelError(f"loads must hold pairs (input, load), got {shown(pair)}")
         ports.append(pair[0])
         functions.append(pair[1])
     return ports, functions

@@ -10,6 +10,7 @@ from typing import Any, Literal, Protocol, TypeVar, overload
 import numpy as np
 
 from .._lib.border import core_errors
+from .._lib.checks import shown
 from ..errors import ModelError
 from ..model.directions import Directions, directions
 from ..model.ports import as_port
@@ -102,7 +103,7 @@ def sensitivity(result: Any, parameters: str | Sequence[str], *, equilibrium: Fo
     array([[0.+0.05j]])
     """
     if equilibrium not in ("follow", "hold"):
-        raise ModelError(f"equilibrium= must be 'follow' or 'hold', got {equilibrium!r}")
+        raise ModelError(f"equilibrium= must be 'follow' or 'hold', got {shown(equilibrium)}")
     follow = equilibrium == "follow"
     if isinstance(result, Linearization):
         return _of_linearization(result, parameters, follow)

@@ -11,7 +11,7 @@ import numpy as np
 
 from .. import _core
 from .._lib.border import core_errors
-from .._lib.checks import count, real_number
+from .._lib.checks import count, real_number, shown
 from .._lib.rotations import skew
 from .._lib.text import counted, number
 from ..errors import ConvergenceError, ModelError, SingularError
@@ -342,7 +342,7 @@ def _drive_forces(
 
 def _items(speed: Any) -> Mapping[str, Any]:
     if not isinstance(speed, Mapping) or not speed:
-        raise ModelError(f"speed= must name what turns and how fast, such as {{'shaft': 60.0}}; got {speed!r}")
+        raise ModelError(f"speed= must name what turns and how fast, such as {{'shaft': 60.0}}; got {shown(speed)}")
     return speed
 
 

@@ -91,7 +91,9 @@ def _no_field(item: Item, field: str, known: list[str]) -> ModelError:
     guess = nearest(field, known)
     near = "" if guess is None else f"; did you mean {guess!r}?"
     there = f"known: {', '.join(known)}" if known else "there are none"
-    return NameNotFoundError(f"no number of {item.kind} {item.name!r} is called {shown(field)}{near}{hint}; {there}")
+    return NameNotFoundError(
+        f"no number of {item.kind} {shown(item.name)} is called {shown(field)}{near}{hint}; {there}"
+    )
 
 
 def _parameter(book: Book, address: str, name: str, index: str | None) -> Target:
@@ -100,7 +102,7 @@ def _parameter(book: Book, address: str, name: str, index: str | None) -> Target
         if name in book.items:
             known = ", ".join(f"{name}.{field}" for field in book.items[name].fields())
             raise not_found(
-                f"{name!r} is a {book.items[name].kind}, not a number ({known}); no parameter", name, space.names
+                f"{shown(name)} is a {book.items[name].kind}, not a number ({known}); no parameter", name, space.names
             )
         raise not_found("no parameter", name, [*space.names, *book.items])
     start, shape = space.names[name]

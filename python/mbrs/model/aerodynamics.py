@@ -219,7 +219,8 @@ def _place(air: Aerodynamics, owner: Body, blade: dict[str, Any]) -> tuple[list[
     if along[0] < -_BEYOND * length or along[-1] > (1.0 + _BEYOND) * length:
         raise problem(
             f"{air.name}.blades",
-            f"have sections from {along[0]:.6g} to {along[-1]:.6g} m of the body {owner.name!r}, whose line goes from 0 to {length:.6g} m; "
+            f"have sections from {along[0]:.6g} to {along[-1]:.6g} m of the body {shown(owner.name)}, "
+            f"whose line goes from 0 to {length:.6g} m; "
             "give mb.aero.blade(root=), the distance of the body's origin from the axis, or a body that reaches the stations",
         )
     where = np.clip(along, 0.0, length)

@@ -49,7 +49,9 @@ def load_place(book: Book, where: str, body: Any, at: Any, address: str) -> tupl
         if place.node < 0:
             owner = book.bodies[place.body] if place.body >= 0 else None
             if owner is not None and owner.modes_and_nodes:
-                raise problem(address, f"is missing: {owner.name!r} is flexible; name a node, {owner.name}.node(name)")
+                raise problem(
+                    address, f"is missing: {shown(owner.name)} is flexible; name a node, {owner.name}.node(name)"
+                )
             return place, owner.entries("at") if owner is not None else (0.0, 0.0, 0.0)
     (place,), at = places(book, where, (("body", body),), at, address)
     return place, at

@@ -13,7 +13,7 @@ from .aliases import Axis, BodyLike, Matrix, PoseLike, Rotation, Scalar, Vector,
 from .argument_checks import INERTIA_TOLERANCE, pack
 from .attach import places
 from .book import Attachable, Book, Item
-from .names import GROUND, problem
+from .names import GROUND, problem, shown
 from .numbers import Number
 from .ports import Port, make_port
 from .schema import BODY, MARKER, POSE, Kind
@@ -319,7 +319,7 @@ def marker(
     'tip.motion.z'
     """
     made = Marker(self, self.new_name("marker", name))
-    (place,), point = places(self, f"marker {name!r}", (("body", body),), at, name + ".at")
+    (place,), point = places(self, f"marker {shown(name)}", (("body", body),), at, name + ".at")
     made.body, made.node = place.body, place.node
     made.put(pack(name, MARKER, {"at": point, "orientation": orientation}).entries)
     self.register(made, self.markers, self.marker_index)

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from .._lib.checks import is_list
 from .book import Book, Group, Item
 from .drives import coordinate_of, find_joint
 from .expressions import Program
@@ -140,11 +141,12 @@ def _restored(function: Any, derivatives: Any, d: Any, m: int, where: str, of_ve
 
 def _motions(book: Book, name: str, motions: Any) -> list[tuple[int, int]]:
     """(joint, coordinate) of each motion; motions of bodies and markers by a free joint to ground."""
-    if isinstance(motions, str | Port | Joint) or not len(motions):
+    wanted = list(motions) if is_list(motions) and not isinstance(motions, str) else []
+    if not wanted:
         raise problem(
             f"{name}.motions", f"must be a list of motions such as ['bob.motion.x', 'hinge.rz'], got {shown(motions)}"
         )
-    found = [_motion(book, name, motion) for motion in motions]
+    found = [_motion(book, name, motion) for motion in wanted]
     if len(set(found)) < len(found):
         raise problem(f"{name}.motions", f"names a motion twice: {shown(motions)}")
     return found
@@ -172,7 +174,7 @@ def _of_body(book: Book, name: str, port: Port) -> tuple[int, int]:
     if port.kind != "motion" or len(axis) != 1:
         raise problem(
             f"{name}.motions",
-            f"must be motions along x, y, z, rx, ry or rz of a body, got {port.name!r}; for other directions use the coordinates of "
+            f"must be motions along x, y, z, rx, ry or rz of a body, got {shown(port.name)}; for other directions use the coordinates of "
             "m.free(name, m.ground, body, at=point, orientation=...)",
         )
     owner: Any = book[port.marker or port.body]  # type: ignore[index]
@@ -236,6 +238,9 @@ def _body(made: Constraint, fun: Any, d: Any, derivatives: Any, where: str) -> l
     if isinstance(fun, SavedFunction):
         program, numbers = read_program(fun.lines, m if m > 1 else 0, len(fun.values), where, rates=False), fun.values
     elif derivatives is not None:
+        for key, value in (("fun", fun), ("derivatives", derivatives)):
+            if not callable(value) and not isinstance(value, FunctionName):
+                raise problem(f"{made.name}.{key}", f"must be a function of (t, u), got {shown(value)}")
         made.body = ConstraintCall(fun, derivatives, m, where, made.of_velocities, d)
         made.body.try_now()
         made.n, made.n_rows = 0, made.body.rows()

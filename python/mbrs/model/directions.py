@@ -198,12 +198,14 @@ def _require_derivatives(model: Book) -> None:
     for law in (law for laws in model.laws.values() for law in laws):
         if isinstance(law.body, FunctionCall):
             raise NotDifferentiableError(
-                f"the law of {law.owner.name!r} is a function with derivatives=, which has no derivatives by parameters; give a function "
+                f"the law of {shown(law.owner.name)} is a function with derivatives=, which has no derivatives by parameters; "
+                "give a function "
                 "that can be traced"
             )
     for constraint in model.constraints:
         if isinstance(constraint.body, FunctionCall):
             raise NotDifferentiableError(
-                f"constraint {constraint.name!r} is given with derivatives=, which are not enough for derivatives by parameters; give a "
+                f"constraint {shown(constraint.name)} is given with derivatives=, which are not enough for derivatives by parameters; "
+                "give a "
                 "function that can be traced"
             )

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
+from .._lib.checks import is_word
 from .aliases import Scalar
 from .argument_checks import pack
 from .book import Book, Group, Item
@@ -72,7 +73,7 @@ def find_joint(book: Book, joint: Any, where: str, key: str) -> Joint:
     if isinstance(item, Joint):
         return item
     if item is not None:
-        raise problem(f"{where}.{key}", f"must be a joint, but {joint!r} is a {item.kind}")
+        raise problem(f"{where}.{key}", f"must be a joint, but {shown(joint)} is a {item.kind}")
     raise not_found(f"{where}.{key}: no joint", joint, [j.name for j in book.joints])
 
 
@@ -83,17 +84,19 @@ def coordinate_of(joint: Joint, coordinate: Any, where: str, key: str) -> int:
     if not known:
         raise problem(
             address,
-            f"does not exist: a {joint.type} joint such as {joint.name!r} has no free coordinate that could move",
+            f"does not exist: a {joint.type} joint such as {shown(joint.name)} has no free coordinate that could move",
         )
     if coordinate is None:
         if len(known) > 1:
-            raise problem(address, f"is missing: joint {joint.name!r} has several, name one of {', '.join(known)}")
+            raise problem(address, f"is missing: joint {shown(joint.name)} has several, name one of {', '.join(known)}")
         return 0
     if joint.type == "universal" and isinstance(coordinate, str):
         # as systems and modes call them
         coordinate = {"alpha": "rz", "beta": "rx"}.get(coordinate, coordinate)
-    if coordinate not in known:
-        raise problem(address, f"must be one of {', '.join(known)} for joint {joint.name!r}, got {shown(coordinate)}")
+    if not is_word(coordinate, known):
+        raise problem(
+            address, f"must be one of {', '.join(known)} for joint {shown(joint.name)}, got {shown(coordinate)}"
+        )
     return known.index(coordinate)
 
 
@@ -148,7 +151,7 @@ def drive(self: Book, name: str, joint: JointLike, motion: MotionLike, coordinat
     for other in self.drives:
         if (other.joint, other.coordinate) == (made.joint, made.coordinate):
             raise problem(
-                name + ".joint", f"is moved by drive {other.name!r} already; one coordinate follows one motion"
+                name + ".joint", f"is moved by drive {shown(other.name)} already; one coordinate follows one motion"
             )
     made.owner, made.component = None, -1
     entries = made.take(motion, name, 0)

@@ -181,7 +181,7 @@ class Expression:
             return lambda *others: combine(name, self, *others)
         if name == "conjugate":
             return lambda: self
-        raise AttributeError(f"an expression has no attribute {name!r}")
+        raise AttributeError(f"an expression has no attribute {shown(name)}")
 
 
 def _cut_off(expression: Expression, what: str, remedy: str) -> TypeError:

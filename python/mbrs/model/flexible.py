@@ -70,7 +70,7 @@ class FlexibleBody(Body):
         new = [i for i, name in enumerate(names) if name not in modal.nodes]
         for i, name in enumerate(names):
             if i not in new and not np.array_equal(modal.node_position[modal.nodes.index(name)], position[i]):
-                raise problem(self.name, f"has a node {name!r} at another place; rename one of them")
+                raise problem(self.name, f"has a node {shown(name)} at another place; rename one of them")
         if new:
             self.modal = replace(
                 modal,
@@ -112,12 +112,12 @@ class FlexibleBody(Body):
         near = np.flatnonzero(distance <= _AT_NODE * reach)
         if len(near) == 0:
             known = ", ".join(
-                f"{name!r} at ({', '.join(f'{v:.6g}' for v in p)})"
+                f"{shown(name)} at ({', '.join(f'{v:.6g}' for v in p)})"
                 for name, p in zip(self.nodes[:8], drawn, strict=False)
             )
             raise problem(
                 where,
-                f"is not a node of the flexible body {self.name!r}, which can be held at its nodes only: "
+                f"is not a node of the flexible body {shown(self.name)}, which can be held at its nodes only: "
                 f"{known or 'it has none'}; give {self.name}.node(name), or that point",
             )
         return self.use(int(near[0]))

@@ -7,6 +7,7 @@ from typing import Any, cast
 
 import numpy as np
 
+from .._lib.checks import is_list
 from .aliases import Laws
 from .book import Book
 from .forces import Element, bushing
@@ -49,9 +50,10 @@ def force_law(self: Book, name: str, law: Laws, motions: Sequence[Port | str]) -
     >>> m.force_law("film", mb.FunctionLaw(lambda t, u, v: -(1.0 + u @ u) * u), ["shaft.motion.y", "shaft.motion.z"]).name
     'film'
     """
-    if isinstance(motions, str | Port) or not 1 <= len(motions) <= len(SIX):
+    wanted = list(motions) if is_list(motions) and not isinstance(motions, str) else []
+    if not 1 <= len(wanted) <= len(SIX):
         raise problem(f"{name}.motions", f"must be a list of one to six motions of a body, got {shown(motions)}")
-    ports = [as_port(self, motion) for motion in motions]
+    ports = [as_port(self, motion) for motion in wanted]
     first = ports[0]
     names = tuple(_axis(name, port) for port in ports)
     if any((p.body, p.marker, p.point) != (first.body, first.marker, first.point) for p in ports):
@@ -70,7 +72,9 @@ def force_law(self: Book, name: str, law: Laws, motions: Sequence[Port | str]) -
 def _axis(name: str, port: Port) -> str:
     axis = [i for i, x in enumerate(port.direction) if x == 1.0]
     if port.kind != "motion" or len(axis) != 1:
-        raise problem(f"{name}.motions", f"must be motions along x, y, z, rx, ry or rz of a body, got {port.name!r}")
+        raise problem(
+            f"{name}.motions", f"must be motions along x, y, z, rx, ry or rz of a body, got {shown(port.name)}"
+        )
     return SIX[axis[0] + 3 * port.is_rotation]
 
 

@@ -52,7 +52,7 @@ def _add_element(
     kind = ELEMENTS[type_]
     e = Element(book, book.new_name("element", name))
     e.type = type_
-    i, j, given["at"] = connect(e, f"{type_} {name!r}", a, b, given["at"])
+    i, j, given["at"] = connect(e, f"{type_} {shown(name)}", a, b, given["at"])
     e.a, e.b, e.a_node, e.b_node = i.body, j.body, i.node, j.node
     if k is None and c is None and preload is None and law is None:
         raise problem(name, f"does nothing: give the {type_} at least one of k=, c=, preload=, law=")
@@ -140,7 +140,7 @@ def enter_load(load: _L, numbers: list[Number], varying: dict[int, list[Number]]
 def _add_load(book: Book, type_: str, name: Any, body: Any, at: Any, value: Any, frame: Any, on: Any) -> Load:
     load = Load(book, book.new_name("load", name))
     load.type = type_
-    where, what = name + ".at", f"{type_} {name!r}"
+    where, what = name + ".at", f"{type_} {shown(name)}"
     if on is None:
         place, at = load_place(book, what, body, at if type_ == "force" else None, where)
         load.body, load.node = place.body, place.node

@@ -96,7 +96,7 @@ def _entry(node: ast.Subscript, text: str, space: ParameterSpace) -> Any:
             raise _error("an index must be whole numbers such as [0,1]", node, text)
         index.append(part.value)
     if len(index) != base.ndim or any(not 0 <= i < n for i, n in zip(index, base.shape, strict=True)):
-        raise _error(f"the index does not fit the shape {base.shape} of {base.name!r}", node, text)
+        raise _error(f"the index does not fit the shape {base.shape} of {shown(base.name)}", node, text)
     return base[tuple(index)]
 
 

@@ -10,7 +10,7 @@ from .argument_checks import pack
 from .attach import connect
 from .book import Book, Group, Item
 from .law_items import add_laws, law_fields
-from .names import problem
+from .names import problem, shown
 from .schema import JOINTS, Kind
 
 # Sine of the angle by which the axes of a universal joint may miss the right angle, and by which two axes must differ: hand-typed
@@ -89,7 +89,7 @@ def add_joint(book: Book, type_: str, name: Any, a: Any, b: Any, law: Any = None
     kind = JOINTS[type_]
     joint = Joint(book, book.new_name("joint", name))
     joint.type = type_
-    i, j, given["at"] = connect(joint, f"joint {name!r}", a, b, given["at"])
+    i, j, given["at"] = connect(joint, f"joint {shown(name)}", a, b, given["at"])
     joint.a, joint.b, joint.a_node, joint.b_node = i.body, j.body, i.node, j.node
     _check_frame(name, kind, given)
     if type_ == "rolling_disc" and given["radius"] is None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from .._lib.checks import is_list
 from .book import Group, Item
 from .function_calls import FunctionCall
 from .laws import FunctionLaw
@@ -111,7 +112,7 @@ def _by_component(where: str, law: Any, n: int, names: Sequence[str]) -> list[tu
     if isinstance(law, Mapping):
         out = []
         for key, value in law.items():
-            several = key.split() if isinstance(key, str) else list(key)
+            several = key.split() if isinstance(key, str) else list(key) if is_list(key) else [key]
             for one in several:
                 if one not in names or several.count(one) > 1:
                     raise problem(where, f"has no coordinates {shown(key)}; known: {', '.join(names)}, each once")

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from .._lib.checks import real_array
+from .._lib.checks import is_list, real_array, real_number, shown
 from ..errors import ModelError
 
 
@@ -26,11 +26,9 @@ def scalar(law: str, name: str, value: Any) -> Any:
     if isinstance(value, np.ndarray) and value.ndim == 0:
         value = value.item()
     if is_plain(value):
-        if not np.isfinite(value):
-            raise ModelError(f"{law}: {name} must be finite, it is {value}")
-        return float(value)
-    if isinstance(value, str | bytes | bool | complex | type(None) | Sequence | np.ndarray):
-        raise ModelError(f"{law}: {name} must be a number or a parameter, it is {value!r}")
+        return real_number(f"{law}: {name}", value)
+    if not isinstance(getattr(value, "value", None), float):
+        raise ModelError(f"{law}: {name} must be a number or a parameter, it is {shown(value)}")
     return value
 
 
@@ -44,8 +42,9 @@ def positive(law: str, name: str, value: Any) -> Any:
 
 def sequence(law: str, name: str, values: Any) -> list[Any]:
     """Numbers or parameters in a sequence."""
-    if isinstance(values, str | bytes) or not isinstance(values, Sequence | np.ndarray) or len(values) == 0:
-        raise ModelError(f"{law}: {name} must be a sequence of numbers, it is {values!r}")
+    listed = is_list(values) and isinstance(values, Sequence | np.ndarray) and not isinstance(values, str | bytes)
+    if not listed or len(values) == 0:
+        raise ModelError(f"{law}: {name} must be a sequence of numbers, it is {shown(values)}")
     return [scalar(law, f"{name}[{i}]", value) for i, value in enumerate(values)]
 
 

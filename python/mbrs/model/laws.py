@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from .._lib.checks import count, flag, shown
 from ..errors import ModelError
 from .expressions import Program
 from .law_numbers import direction, is_plain, number, positive, scalar, sequence
@@ -165,6 +166,7 @@ class Gap(Law):
             scalar("Gap", "gap", gap),
             scalar("Gap", "smoothing", smoothing),
         )
+        bilateral = flag("Gap: bilateral", bilateral)
         if is_plain(smoothing) and smoothing < 0:
             raise ModelError(f"Gap: smoothing must not be negative, it is {smoothing}")
         if bilateral and is_plain(gap) and gap < 0:
@@ -339,9 +341,8 @@ class VaryingStiffness(Law):
     """
 
     def __init__(self, k: Scalar, order: int = 1, phase: Scalar = 0.0, w: ArrayLike | None = None) -> None:
-        if isinstance(order, bool) or not isinstance(order, int | np.integer) or order < 1:
-            raise ModelError(f"VaryingStiffness: order must be a positive integer, it is {order!r}")
         name = "VaryingStiffness"
+        order = count(f"{name}: order", order, 1_000_000)
         super().__init__((scalar(name, "k", k), float(order), scalar(name, "phase", phase)), w)
 
 
@@ -508,7 +509,7 @@ class FunctionLaw(Law):
     ) -> None:
         for name, value in (("function", function), ("derivatives", derivatives)):
             if not callable(value) and (name == "function" or value is not None):
-                raise ModelError(f"FunctionLaw: {name} must be callable with (t, u, v), it is {value!r}")
+                raise ModelError(f"FunctionLaw: {name} must be callable with (t, u, v), it is {shown(value)}")
         self.function, self.derivatives = function, derivatives
         super().__init__((), w)
 

@@ -12,6 +12,7 @@ from .book import Book
 from .describe import describe
 from .expressions import Expression
 from .motions import UserFunction
+from .names import shown
 from .schema import UNITS
 
 __all__ = ["blocks"]
@@ -54,7 +55,7 @@ def _summary(book: Book) -> str:
     parts = [counted(n, what) for what, n in counts.items() if n]
     if book.gravity_item is not None:
         parts.append(f"gravity {_text(book.gravity_item.values())} m/s2")
-    return f"model {book.name!r}: {', '.join(parts) or 'empty'}"
+    return f"model {shown(book.name)}: {', '.join(parts) or 'empty'}"
 
 
 def _parameters(book: Book, found: Sequence[Mapping[str, Any]]) -> list[Block]:

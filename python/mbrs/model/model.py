@@ -226,7 +226,7 @@ class Model(Book):
         if name in self.space.names:
             check_name("parameter", name, self.space.names)
         if not isinstance(unit, str):
-            raise ModelError(f"the unit of parameter {name!r} must be text such as 'N/m', got {shown(unit)}")
+            raise ModelError(f"the unit of parameter {shown(name)} must be text such as 'N/m', got {shown(unit)}")
         if has_quantity(value):
             refuse(self, name, value)
             if isinstance(value, str):
@@ -247,7 +247,7 @@ class Model(Book):
         number = isinstance(value, (int, float, np.integer, np.floating)) and not isinstance(value, bool)
         if not number or not 0.0 < value < LARGEST_TOLERANCE:
             raise ModelError(
-                f"the tolerance of model {self.name!r} must be a number between 0 and {LARGEST_TOLERANCE:g} (a share of its size), "
+                f"the tolerance of model {shown(self.name)} must be a number between 0 and {LARGEST_TOLERANCE:g} (a share of its size), "
                 f"got {shown(value)}"
             )
         self._tolerance = float(value)
@@ -281,14 +281,14 @@ class Model(Book):
     def __getitem__(self, name: str) -> Any:
         """The handle of a name: a body, joint, element, load, marker or parameter."""
         if not isinstance(name, str):
-            raise ModelError(f"model {self.name!r} is indexed by names, got {shown(name)}")
+            raise ModelError(f"model {shown(self.name)} is indexed by names, got {shown(name)}")
         if name == GROUND:
             return self.ground
         if name in self.items:
             return self.items[name]
         if name in self.space.names:
             return self.space.handle(name)
-        raise not_found(f"nothing in model {self.name!r}", name, [*self.items, *self.space.names])
+        raise not_found(f"nothing in model {shown(self.name)}", name, [*self.items, *self.space.names])
 
     def __contains__(self, name: object) -> bool:
         return isinstance(name, str) and (name in self.items or name in self.space.names)
@@ -408,7 +408,7 @@ class Model(Book):
         """
         from ..plot.scenes import scene
 
-        return scene(self.scene, f"model {self.name!r}", view=view, names=names, ax=ax)
+        return scene(self.scene, f"model {shown(self.name)}", view=view, names=names, ax=ax)
 
     def animate(self, path: str | Path | None = None, *, title: str | None = None) -> Path | Viewer:
         """The same as `plot` in space, on one self-contained page to turn and zoom, with names under the pointer.

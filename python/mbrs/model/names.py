@@ -17,8 +17,13 @@ __all__ = ["GROUND", "check_name", "index", "located", "nearest", "not_found", "
 
 
 def problem(address: str, text: str, error: type[MbrsError] = ModelError) -> MbrsError:
-    """An error about one number or object; its message starts with the address."""
-    return located(error(f"{address} {text}"), address)
+    """An error about one number or object; its message starts with the address, cut where a name is long."""
+    return located(error(f"{_brief(address)} {text}"), address)
+
+
+def _brief(text: str) -> str:
+    """A text whose middle is left out where it is long."""
+    return text if len(text) <= 120 else f"{text[:60]}...{text[-40:]}"
 
 
 def located(error: MbrsError, address: str) -> MbrsError:
@@ -72,11 +77,11 @@ def not_found(what: str, name: str, known: Iterable[str]) -> NameNotFoundError:
     pool = list(known)
     guess = nearest(name, pool)
     if guess is not None:
-        hint = f"; did you mean {guess!r}?"
+        hint = f"; did you mean {shown(guess)}?"
     elif not pool:
         hint = "; there are none"
     elif len(pool) <= 12:
-        hint = "; known: " + ", ".join(repr(other) for other in pool)
+        hint = "; known: " + ", ".join(shown(other, 30) for other in pool)
     else:
         hint = ""
-    return NameNotFoundError(f"{what} is called {shown(name)}{hint}")
+    return NameNotFoundError(f"{_brief(what)} is called {shown(name)}{hint}")

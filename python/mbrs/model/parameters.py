@@ -134,7 +134,9 @@ class ArrayParameter(np.lib.mixins.NDArrayOperatorsMixin):
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> np.ndarray:
         if dtype is not None and np.dtype(dtype) != np.dtype(object):
-            raise TypeError(f"the parameter {self.name!r} cannot become an array of {np.dtype(dtype)}; take its .value")
+            raise TypeError(
+                f"the parameter {shown(self.name)} cannot become an array of {np.dtype(dtype)}; take its .value"
+            )
         return self.symbols
 
     def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, **options: Any) -> Any:
@@ -145,7 +147,7 @@ class ArrayParameter(np.lib.mixins.NDArrayOperatorsMixin):
         try:
             return self.symbols[index]
         except IndexError as reason:
-            raise ModelError(f"the parameter {self.name!r} has the shape {self.shape}: {reason}") from None
+            raise ModelError(f"the parameter {shown(self.name)} has the shape {self.shape}: {reason}") from None
 
     def __len__(self) -> int:
         return self.shape[0]

@@ -139,7 +139,7 @@ def as_port(model: Any, spec: Any) -> Port:
         )
     owner = model[parts[0]]
     if not hasattr(owner, "motion"):
-        raise ModelError(f"the port {shown(spec)} is on {owner!r}, but only bodies and markers have ports")
+        raise ModelError(f"the port {shown(spec)} is on {shown(owner)}, but only bodies and markers have ports")
     if at is not None and parts[1] != "torque" and owner.kind == "body" and hasattr(owner, "_port"):
         made: Port = owner._port(parts[1], parts[2], at)
         return made
@@ -158,17 +158,19 @@ def _plain_numbers(text: str, spec: str) -> list[float]:
     try:
         return [float(part) for part in text.split(",")]
     except ValueError:
-        raise ModelError(f"the port {shown(spec)} has {text!r} where three numbers belong") from None
+        raise ModelError(f"the port {shown(spec)} has {shown(text)} where three numbers belong") from None
 
 
 def _check_known(model: Any, port: Port) -> None:
     if port.kind != "base" and port.body != GROUND and not model.has_frame(port.body):
         raise not_found(
-            f"the port {port.name!r} does not fit model {model.name!r}: no body", port.body, model.body_index
+            f"the port {shown(port.name)} does not fit model {shown(model.name)}: no body", port.body, model.body_index
         )
     if port.marker is not None and port.marker not in model.marker_index:
         raise not_found(
-            f"the port {port.name!r} does not fit model {model.name!r}: no marker", port.marker, model.marker_index
+            f"the port {shown(port.name)} does not fit model {shown(model.name)}: no marker",
+            port.marker,
+            model.marker_index,
         )
 
 

@@ -14,6 +14,7 @@ from ..view.modes import line_points
 from ..view.scene import BodyGeometry, JointGeometry, LinkGeometry, LoadGeometry, SceneGeometry, Solid
 from ..view.shapes import surface
 from .book import Book
+from .names import shown
 from .schema import BODY, COUPLER, ELEMENTS, FUNCTION, JOINTS, LAW_OF_CODE, LOAD_FRAMES, LOADS, MARKER, MOTIONS
 
 _JOINTS = {kind.code: kind.type for kind in JOINTS.values()}
@@ -99,7 +100,7 @@ def _solids(name: str, shapes: Any, origin: np.ndarray, rotation: np.ndarray) ->
         try:
             yield surface(shape, origin, rotation)
         except ModelError as reason:
-            warn_user(f"the shape of body {name!r} is not drawn: {reason}")
+            warn_user(f"the shape of body {shown(name)} is not drawn: {reason}")
 
 
 def _rims(tables: Mapping[str, Any], x: np.ndarray) -> Iterator[tuple[int, np.ndarray]]:

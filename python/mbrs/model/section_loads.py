@@ -170,7 +170,7 @@ def _on_nodes(
     if len(nodes) < 2 or np.any(np.diff(places) <= 0) or places[0] > line.at[0] or places[-1] < line.at[-1]:
         raise problem(
             label,
-            f"in world axes needs distinct nodes of {owner.name!r} that span all stations; the nodes are "
+            f"in world axes needs distinct nodes of {shown(owner.name)} that span all stations; the nodes are "
             f"at {', '.join(f'{s:g}' for s in places) or 'none'}. Give the body more nodes=, or use frame='body'",
         )
     share = np.array([np.interp(line.at, places, unit) for unit in np.eye(len(places))])
@@ -294,9 +294,11 @@ def modal_force(self: Book, name: str, body: FlexibleBody | str, *, mode: int, v
     <load 'push' of 'one'>
     """
     load = ModalLoad(self, self.new_name("load", name))
-    owner = _flexible(self, body, f"modal force {name!r}")
+    owner = _flexible(self, body, f"modal force {shown(name)}")
     if isinstance(mode, bool) or not isinstance(mode, (int, np.integer)) or not 1 <= mode <= owner.n_modes:
-        raise problem(name + ".mode", f"must be 1 to {owner.n_modes}, the modes of {owner.name!r}, got {shown(mode)}")
+        raise problem(
+            name + ".mode", f"must be 1 to {owner.n_modes}, the modes of {shown(owner.name)}, got {shown(mode)}"
+        )
     load.type, load.body, load.node, load.frame, load.mode = "modal_force", owner.index, -1, "world", int(mode) - 1
     constant, varying = split_value(load, [value, 0.0, 0.0])
     return enter_load(load, [0.0, 0.0, 0.0, *constant], varying)

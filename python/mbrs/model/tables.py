@@ -15,6 +15,7 @@ from .air_schema import SECTION
 from .book import STORES, Book
 from .flexible import FlexibleBody
 from .function_calls import FunctionCall
+from .names import shown
 from .schema import BODY, ELEMENTS, JOINTS, LOAD_FRAMES, LOADS, NODE
 from .section_loads import ModalLoad
 from .shapes import plain
@@ -135,7 +136,7 @@ def offsets(model: Book) -> dict[str, int]:
 
 def _require_bodies(model: Book) -> None:
     if not model.bodies:
-        raise ModelError(f"model {model.name!r} has no body; add one with m.body(...)")
+        raise ModelError(f"model {shown(model.name)} has no body; add one with m.body(...)")
 
 
 def _check_constraints(model: Book) -> None:

@@ -155,7 +155,9 @@ def described(function: Any) -> str:
     name = getattr(function, "__qualname__", None) or repr(function)
     code = getattr(function, "__code__", None)
     return (
-        f"{name!r}" if code is None else f"{name!r} ({code.co_filename.rpartition('/')[2]}, line {code.co_firstlineno})"
+        f"{shown(name)}"
+        if code is None
+        else f"{shown(name)} ({code.co_filename.rpartition('/')[2]}, line {code.co_firstlineno})"
     )
 
 

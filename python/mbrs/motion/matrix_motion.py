@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from .._lib.checks import real_array
+from .._lib.checks import real_array, shown
 from ..errors import ConvergenceError, ModelError
 from ..flexible import ModalBody
 from ..linear.linear_system import directions
@@ -256,7 +256,9 @@ def _loads(loads: Any, coordinates: tuple[str, ...]) -> Iterator[tuple[np.ndarra
     pairs: Sequence[Any] = list(loads.items()) if isinstance(loads, Mapping) else list(loads or ())
     for pair in pairs:
         if not isinstance(pair, tuple | list) or len(pair) != 2:
-            raise ModelError(f"loads must be {{coordinate: load}} or a list of pairs (direction, load), got {pair!r}")
+            raise ModelError(
+                f"loads must be {{coordinate: load}} or a list of pairs (direction, load), got {shown(pair)}"
+            )
         columns, _ = directions(pair[0], coordinates, "loads")
         if columns.shape[1] != 1:
             raise ModelError(f"each load needs one direction, got {pair[0]!r}")

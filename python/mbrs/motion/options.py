@@ -107,9 +107,9 @@ def with_sensitivities(m: Model, parameters: Any, method: str, coordinates: Any)
     """Method and coordinates of a motion that is differentiated."""
     if coordinates == "absolute":
         raise ModelError('a motion in coordinates="absolute" has no sensitivities; leave out one of both')
-    if method not in ("auto", "explicit", "radau", "bdf", "ali3p", "generalized-alpha"):
+    if not is_word(method, ("auto", "explicit", "radau", "bdf", "ali3p", "generalized-alpha")):
         raise ModelError(
-            f"method={method!r} has no sensitivities; those that have are method='explicit', 'radau', 'bdf', 'ali3p' and "
+            f"method={shown(method)} has no sensitivities; those that have are method='explicit', 'radau', 'bdf', 'ali3p' and "
             "'generalized-alpha', or leave parameters= out"
         )
     method = "ali3p" if method == "auto" else method

@@ -296,7 +296,12 @@ def _of_model(
     snapshot = Snapshot.of(m, without, absolute)
     state = state_of(m, snapshot.system, at, hold=False, without=without)
     if parameters is not None:
-        if method == "auto" and step is None and isinstance(t, (int, float)) and _has_kinks(snapshot, without):
+        if (
+            is_word(method, ("auto",))
+            and step is None
+            and isinstance(t, (int, float))
+            and _has_kinks(snapshot, without)
+        ):
             # steps of order two through a stiff contact are countless
             method = differentiated_by(snapshot, state, without, float(t), None)
         method, coordinates = with_sensitivities(m, parameters, method, coordinates)

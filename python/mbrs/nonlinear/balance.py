@@ -11,6 +11,7 @@ import numpy as np
 from .. import _core
 from .._lib import checks
 from .._lib.border import core_errors, require_memory
+from .._lib.checks import shown
 from ..errors import ModelError, SingularError
 from ..model.laws import FunctionLaw, Law
 from . import condensation
@@ -293,7 +294,7 @@ def checked_system(system: Any) -> tuple[Law, ...]:
         )
     for i, law in enumerate(system.elements):
         if not isinstance(law, Law):
-            raise ModelError(f"elements[{i}] must be a law such as mb.Cubic(k3, w=[...]), it is {law!r}")
+            raise ModelError(f"elements[{i}] must be a law such as mb.Cubic(k3, w=[...]), it is {shown(law)}")
         if law.w is None:
             raise ModelError(f"elements[{i}], {law!r}, has no direction; give w (n,) with u = w . x")
         if law.w.size != system.n:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from .. import _core
-from .._lib.checks import two_ends
+from .._lib.checks import shown, two_ends
 from .._lib.progress import Progress
 from ..errors import ConvergenceError, Interrupted, MbrsError, ModelError, SingularError
 from ..results import Stats
@@ -476,7 +476,7 @@ class Branch(Iterator[BranchPoint]):
                 f"branches cross at branch points only, and leave at period doublings, not at a {event.kind}"
             )
         if side not in (1, -1):
-            raise ModelError(f"side must be 1 or -1, it is {side!r}")
+            raise ModelError(f"side must be 1 or -1, it is {shown(side)}")
         other = Branch.__new__(Branch)
         other.__dict__.update(self.__dict__)
         apart = np.diff([self._coordinates(i) for i in self._around(event)], axis=0)[0]

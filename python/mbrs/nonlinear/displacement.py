@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from .._lib.checks import shown
 from ..errors import ModelError
 from ..model.names import not_found
 from ..model.ports import Port
@@ -47,7 +48,7 @@ def _number(system: Any, which: Any, n: int) -> int:
         return _names(system, n).index(which)
     if isinstance(which, bool) or not isinstance(which, int | np.integer):
         raise ModelError(
-            f"dof must be the number or name of a coordinate, or a motion such as body.motion('z'); it is {which!r}"
+            f"dof must be the number or name of a coordinate, or a motion such as body.motion('z'); it is {shown(which)}"
         )
     if not -n <= which < n:
         raise ModelError(f"there is no coordinate {which}; the system has {n}, numbered from 0")

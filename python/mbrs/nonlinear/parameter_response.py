@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Unpack
 import numpy as np
 
 from .._lib import checks
+from .._lib.checks import shown
 from ..errors import ModelError
 from ..model.book import Book
 from ..results import Result, quantity, result
@@ -179,7 +180,7 @@ def _family(system: Any, parameter: str | None, options: BranchOptions) -> Calla
     if isinstance(system, Book):
         if not isinstance(parameter, str):
             raise ModelError(
-                f'parameter must be the address of a number of the model, such as "k", it is {parameter!r}'
+                f'parameter must be the address of a number of the model, such as "k", it is {shown(parameter)}'
             )
         return OfModel(system, parameter, rest)
     if not callable(system):

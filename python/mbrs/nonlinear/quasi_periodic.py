@@ -7,6 +7,7 @@ from time import perf_counter
 from typing import TYPE_CHECKING, Any, cast
 
 from .._lib import checks
+from .._lib.checks import shown
 from ..errors import ConvergenceError, ModelError
 from ..model.book import Book
 from . import balance
@@ -128,7 +129,7 @@ def sources_of(system: Any, forces: Any, at: Any, without: Sequence[str]) -> tup
     made, plain = nonlinear_system(cast("Model", system), at=at, without=without), []
     for i, source in enumerate(forces if isinstance(forces, Sequence) else []):
         if not isinstance(source, Mapping) or not {"inputs", "force"} & set(source):
-            raise ModelError(f"forces[{i}] must be dict(inputs=port, amplitude=..., omega=...), it is {source!r}")
+            raise ModelError(f"forces[{i}] must be dict(inputs=port, amplitude=..., omega=...), it is {shown(source)}")
         rest = {key: value for key, value in source.items() if key not in ("inputs", "force", "amplitude")}
         ports = source["inputs"] if "inputs" in source else source["force"]
         plain.append(dict(force=force_of_ports(made, ports, source.get("amplitude")), **rest))

@@ -12,6 +12,7 @@ import numpy as np
 
 from .. import _core
 from .._lib import checks
+from .._lib.checks import shown
 from ..errors import Interrupted, ModelError
 from ..model.book import Book
 from ..results import Result, Stats, derived, quantity, result
@@ -293,7 +294,7 @@ def _ends(name: str, value: Any, positive: bool = False) -> tuple[float, float]:
 def _checked_scale(scale: Any) -> float:
     fixed = balance.checked_level(scale)
     if fixed <= 0:
-        raise ModelError(f"scale must be positive, it is {scale!r}")
+        raise ModelError(f"scale must be positive, it is {shown(scale)}")
     return fixed
 
 

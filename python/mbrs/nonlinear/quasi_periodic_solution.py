@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
+from .._lib.checks import shown
 from .._lib.text import without_rounding
 from ..errors import ModelError
 from ..results import Result, derived, quantity, result
@@ -83,7 +84,9 @@ class QuasiPeriodicSolution(FourierMotion, Result):
         x = displacement_coefficients(self.X, self.system, dof)
         k = np.asarray(index)
         if k.shape != (len(self.omega),) or not np.issubdtype(k.dtype, np.integer):
-            raise ModelError(f"index must be {len(self.omega)} integers, one for each base frequency; it is {index!r}")
+            raise ModelError(
+                f"index must be {len(self.omega)} integers, one for each base frequency; it is {shown(index)}"
+            )
         if not k.any():
             return complex(x[0])
         for sign in (1, -1):

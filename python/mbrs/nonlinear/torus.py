@@ -11,6 +11,7 @@ import numpy as np
 
 from .. import _core
 from .._lib import checks
+from .._lib.checks import shown
 from .._lib.warning import warn_user
 from ..errors import ModelError
 from ..model.laws import Law
@@ -214,7 +215,9 @@ def _sources(n: int, forces: Any) -> tuple[np.ndarray, list[np.ndarray]]:
     omega, vectors = [], []
     for i, source in enumerate(forces):
         if not isinstance(source, Mapping) or "force" not in source or set(source) - {"force", "omega", "frequency"}:
-            raise ModelError(f"forces[{i}] must be dict(force=(n,), omega=...) or with frequency=, it is {source!r}")
+            raise ModelError(
+                f"forces[{i}] must be dict(force=(n,), omega=...) or with frequency=, it is {shown(source)}"
+            )
         w = balance.one_frequency(source.get("omega"), source.get("frequency"))
         if w.ndim != 0:
             raise ModelError(f"forces[{i}] needs one frequency, not {w.tolist()}")

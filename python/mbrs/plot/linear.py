@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from .._lib.checks import shown
 from ..errors import ModelError
 from .data import Curve, breaks_at_jumps, frf_unit, magnitude_label, peak, ranked_curves, response_unit, rounded
 from .figure import FADED, PALETTE, canvas, colours, figure, legend, log_frequencies, style
@@ -56,7 +57,7 @@ def modes(
     matplotlib.figure.Figure
     """
     if view not in ("poles", "list"):
-        raise ModelError(f'modes are plotted as "poles" or as a "list", got {view!r}')
+        raise ModelError(f'modes are plotted as "poles" or as a "list", got {shown(view)}')
     if view == "list":
         return _mode_list(result, against, n, label)
     if against is not None:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from .._lib.checks import shown
 from ..errors import ModelError
 from .figure import PALETTE, canvas, colours, figure, legend, style
 
@@ -83,7 +84,7 @@ def plot(
         An unknown ``what``; nothing to draw.
     """
     if of is not None and not (_single(of) or isinstance(of, Sequence)):
-        raise ModelError(f"of= takes names or handles of joints, bodies, markers or elements, got {of!r}")
+        raise ModelError(f"of= takes names or handles of joints, bodies, markers or elements, got {shown(of)}")
     chosen = None if of is None else [str(getattr(one, "name", one)) for one in ([of] if _single(of) else of)]
     makers: dict[str, Callable[[], list[Panel]]] = {
         "motion": lambda: _overview(traj, chosen),

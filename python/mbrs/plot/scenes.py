@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .._lib.checks import UNFIT
+from .._lib.checks import UNFIT, shown
 from ..errors import ModelError
 from ..view.drawing import first_look, grain, solids
 from ..view.scene import SceneGeometry
@@ -112,7 +112,7 @@ def _eye(view: Any, drawn: SceneGeometry) -> _Eye:
     except UNFIT:
         good = False
     if not good:
-        raise ModelError(f"view= must be 'xy', 'xz', 'yz' or (azimuth, elevation) in rad, got {view!r}")
+        raise ModelError(f"view= must be 'xy', 'xz', 'yz' or (azimuth, elevation) in rad, got {shown(view)}")
     ca, sa, ce, se = math.cos(azimuth), math.sin(azimuth), math.cos(elevation), math.sin(elevation)
     return _Eye(np.array([[-sa, ca, 0.0], [-se * ca, -se * sa, ce], [ce * ca, ce * sa, se]]), None)
 

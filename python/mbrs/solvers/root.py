@@ -233,7 +233,7 @@ def _scale(name: str, value: ArrayLike, n: int) -> _F1:
 
 def _row_sizes(word: str, function: _Function, x: _F1, fd_step: float) -> _F1:
     if word != "jac":
-        raise ModelError(f'f_scale is {word!r}; give numbers or "jac"')
+        raise ModelError(f'f_scale is {shown(word)}; give numbers or "jac"')
     z = x / function.x_scale
     f = function(z) * function.f_scale
     function.first = f
@@ -258,7 +258,7 @@ def _first_inverse(inverse0: Any, estimate: Estimate, function: _Function) -> _c
         return _core.RootInverse(_square("inverse0", inverse0, n))
     if isinstance(jac0, str):
         if jac0 not in ("fd", "identity"):
-            raise ModelError(f'jac0 is {jac0!r}; give "fd", "identity" or an array ({n}, {n})')
+            raise ModelError(f'jac0 is {shown(jac0)}; give "fd", "identity" or an array ({n}, {n})')
         return None
     if estimate.pairs(n) is not None:
         raise ModelError("an array for jac0 needs the whole matrix; leave out memory, or give sparsity and jac0='fd'")
@@ -278,7 +278,7 @@ def _observer(callback: Callable[[_F1, _F1], Any] | None, function: _Function) -
     if callback is None:
         return None
     if not callable(callback):
-        raise ModelError(f"callback is {callback!r}; give a function of x and the residuals")
+        raise ModelError(f"callback is {shown(callback)}; give a function of x and the residuals")
     told = callback
     # Only True stops: many callbacks return what they append to or print.
     return lambda z, f: told(z * function.x_scale, f * function.f_scale) is True

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from .._lib.checks import UNFIT, positive, real_array, real_number
+from .._lib.checks import UNFIT, positive, real_array, real_number, shown
 from ..errors import ModelError
 
 METHODS = ("inverse-bfgs", "broyden")
@@ -100,7 +100,7 @@ class Estimate:
             raise ModelError(f"method {self.method!r} is not known; choose from {', '.join(METHODS)}")
         positive("fd_step", self.fd_step)
         if not 0 <= real_number("curvature", self.curvature) < 1:
-            raise ModelError(f"curvature is {self.curvature!r}; give a number from 0, less than 1")
+            raise ModelError(f"curvature is {shown(self.curvature)}; give a number from 0, less than 1")
         _interval(self.determinant)
 
     def pairs(self, n: int) -> int | None:
@@ -109,7 +109,7 @@ class Estimate:
             return None
         if isinstance(self.memory, str):
             if self.memory != "auto":
-                raise ModelError(f'memory is {self.memory!r}; give a number of pairs, None or "auto"')
+                raise ModelError(f'memory is {shown(self.memory)}; give a number of pairs, None or "auto"')
             return None if n <= _LARGEST_DENSE else 30
         if _count("memory", self.memory) == 0:
             raise ModelError("memory is 0; keep at least one pair, or None for the whole matrix")
@@ -147,12 +147,12 @@ def without_additions(search: LineSearch, limits: Limits, estimate: Estimate) ->
 
 def _fraction(name: str, value: Any) -> None:
     if not 0 < real_number(name, value) < 1:
-        raise ModelError(f"{name} is {value!r}; give a number between 0 and 1")
+        raise ModelError(f"{name} is {shown(value)}; give a number between 0 and 1")
 
 
 def _count(name: str, value: Any) -> int:
     if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < 0:
-        raise ModelError(f"{name} is {value!r}; give a whole number, 0 or more")
+        raise ModelError(f"{name} is {shown(value)}; give a whole number, 0 or more")
     return min(int(value), _ENDLESS)
 
 

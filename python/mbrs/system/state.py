@@ -8,6 +8,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from .._lib.checks import shown
 from .._lib.warning import warn_user
 from ..errors import DoubtfulWarning, ModelError
 
@@ -142,7 +143,9 @@ def state_of(model: Any, system: Any, at: StateLike, hold: bool = True, without:
         return drawn(model, system, hold, without)
     state = getattr(at, "state", at)
     if callable(state) or not isinstance(state, State):
-        raise ModelError(f"at= takes None (the drawn state), an equilibrium, a steady motion or a state; got {at!r}")
+        raise ModelError(
+            f"at= takes None (the drawn state), an equilibrium, a steady motion or a state; got {shown(at)}"
+        )
     if state.q.shape != (system.n_q,):
         raise ModelError(
             f"at= is a state of {state.q.size} coordinates, but model {model.name!r} has {system.n_q}; compute it again from this "

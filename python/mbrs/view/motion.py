@@ -10,6 +10,7 @@ from typing import Any, TypedDict
 
 import numpy as np
 
+from .._lib.checks import shown
 from .._lib.rotations import matrix_to_quaternion
 from ..errors import ModelError
 from .drawing import scene_data
@@ -78,7 +79,7 @@ def motion(
     if t.size == 0:
         raise ModelError("this motion has no outputs to draw")
     if pace is not None and not (math.isfinite(pace) and pace > 0.0):
-        raise ModelError(f"pace= must be a positive number, got {pace!r}")
+        raise ModelError(f"pace= must be a positive number, got {shown(pace)}")
     if at is not None and not t[0] <= at <= t[-1]:
         raise ModelError(f"at={at!r} lies outside the motion, which lasts from {t[0]:.6g} to {t[-1]:.6g} s")
     title = title or f"Motion of {traj.model.name}"
