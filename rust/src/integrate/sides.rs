@@ -8,29 +8,23 @@
 //!
 //! A motion that is differentiated needs kinks to rounding. In others a kink is found as far as the tolerance asks, one that changes a step
 //! by less than its tolerance is passed, and a law that passes its kink again and again is left as it is for a while.
+mod search;
+mod step;
+
 use crate::error::Result;
 use crate::force::Side;
 use crate::multibody::System;
 use crate::run::Counts;
-use crate::tolerances::steps::{
-    AT_KINK, BESIDE_KINK, KINK_CHANGE, KINK_CROWD, KINK_EFFECT, KINK_FOUND, KINK_GUESSED, KINK_POLISH, KINK_SEARCH,
-    NOISE_SHARE, SEEN_KINK,
-};
+use crate::tolerances::steps::{AT_KINK, BESIDE_KINK, KINK_CROWD, KINK_FOUND, NOISE_SHARE, SEEN_KINK};
 
 use super::explicit8::Explicit8;
 use super::kink_rest::Rests;
-use super::kink_search::{Place, Search, first_zero, secant};
+use super::kink_search::Search;
 use super::kinks::{AtKinks, Distance, Kinked, Missed, SharpKink, Smooth};
 use super::{Equations, Instant, Motion, Scheme, scaled_size};
 
-/// Parts of a step at which kinks are looked for, besides its end.
-const LOOKED: [f64; 7] = [0.125, 0.25, 0.375, 0.5, 0.625, 0.75, 0.875];
 /// A side was left beyond so many times the distance at which a step ends at its kink.
 const BESIDE_FOUND: f64 = 3.0;
-/// A kink is near to the end of a step within this part of the first one.
-const NEAR_KINK: f64 = 0.1;
-/// Interpolations in search of a first guess.
-const INTERPOLATED: usize = 6;
 const JUMPS: &str = "its force jumps";
 const ENDLESS: &str = "it passes its kink again and again without end";
 const WITHIN: &str = "it passes its kink within a step";
@@ -275,6 +269,11 @@ impl<'e, 's> Sides<'e, 's> {
         self.search = None;
     }
 
+    /// A law is as it is, on no side.
+    fn leave(&mut self, k: usize) {
+        (self.ignored[k], self.sides[k]) = (true, Side::Free);
+    }
+
     /// All laws are as they are from here on, since no step can be made; false where they were before.
     pub fn let_go(&mut self, here: &Instant) -> bool {
         let held: Vec<usize> = (0..self.sides.len()).filter(|k| !self.ignored[*k]).collect();
@@ -282,9 +281,7 @@ impl<'e, 's> Sides<'e, 's> {
         if let Some(k) = search.and_then(|s| s.targets.first().copied()).or(held.first().copied()) {
             self.miss(here.motion.t, k, UNREACHED);
         }
-        for k in &held {
-            (self.ignored[*k], self.sides[*k]) = (true, Side::Free);
-        }
+        held.iter().for_each(|k| self.leave(*k));
         (self.changed, self.turned) = (true, true);
         self.stretch_from(here.motion.t);
         !held.is_empty()
@@ -337,190 +334,6 @@ impl<'e, 's> Sides<'e, 's> {
         }
     }
 
-    /// The first try of a step.
-    fn begun(
-        &mut self,
-        (t, h): (f64, f64),
-        (now, end): (Vec<f64>, &Motion<f64>),
-        step: &mut dyn Within,
-    ) -> Result<Option<f64>> {
-        self.longest = f64::INFINITY;
-        let mut path = vec![(0.0, plain(&self.last))];
-        let motions = step.between(&LOOKED)?;
-        for (x, m) in LOOKED.iter().zip(&motions) {
-            let here = plain(&self.distances(m));
-            self.refresh(&here);
-            path.push((*x, here));
-        }
-        path.push((1.0, now));
-        if self.exact && self.is_on_both_sides(&path) {
-            return Ok(Some(LOOKED[0]));
-        }
-        let n = path.len() - 1;
-        let is_behind = !self.left(&path[n].1, self.zero).is_empty();
-        let first = (1..n).find(|j| !self.left(&path[*j].1, SEEN_KINK).is_empty());
-        if !self.exact && (is_behind || first.is_some()) {
-            let (change, time) = self.change(h, &path, (&motions, end), step);
-            let is_lasting =
-                (0..n).any(|j| self.left(&path[j + 1].1, self.zero).iter().any(|k| self.kinks[*k].is_lasting()));
-            if change < KINK_EFFECT * step.allowed() && !is_lasting {
-                self.passed = self.left(&path[n].1, self.zero);
-                return Ok(None);
-            }
-            if change.is_finite() && change > 0.0 {
-                self.longest = time * (KINK_CHANGE / change).sqrt();
-            }
-        }
-        match first {
-            _ if is_behind => self.search_from(t, h, path, first.unwrap_or(n), step).map(Some),
-            Some(j) => {
-                self.inside = self.left(&path[j].1, SEEN_KINK).first().copied();
-                Ok(Some(path[j].0))
-            }
-            None => self.touched(h, &path, step),
-        }
-    }
-
-    /// What laws on the other sides of their kinks change in the step, and the time in which they do. They are farthest from these at the
-    /// end, or inside where they come back.
-    fn change(
-        &self,
-        h: f64,
-        path: &[Place],
-        (inside, end): (&[Motion<f64>], &Motion<f64>),
-        step: &mut dyn Within,
-    ) -> (f64, f64) {
-        let left: Vec<Vec<usize>> = path.iter().map(|(_, d)| self.left(d, self.zero)).collect();
-        let Some(begin) = left.iter().position(|l| !l.is_empty()) else { return (0.0, h) };
-        let n = path.len() - 1;
-        let back = (0..self.sides.len()).filter(|k| !left[n].contains(k) && left.iter().any(|l| l.contains(k)));
-        let farthest = back.filter_map(|k| {
-            let behind = (1..n).filter(|j| left[*j].contains(&k));
-            behind.max_by(|i, j| path[*i].1[k].abs().total_cmp(&path[*j].1[k].abs()))
-        });
-        let mut places: Vec<usize> = farthest.chain([n]).collect();
-        places.dedup();
-        let changes = places.into_iter().filter(|j| !left[*j].is_empty()).map(|j| {
-            let time = h * (path[j].0 - path[begin].0 + LOOKED[0]);
-            (self.effect(&left[j], inside.get(j - 1).unwrap_or(end), time, step), time)
-        });
-        changes.fold((0.0, h), |most, own| if own.0 > most.0 || own.0.is_nan() { own } else { most })
-    }
-
-    /// What it changes up to a motion that laws were not on the other sides of these kinks for a time.
-    fn effect(&self, kinks: &[usize], m: &Motion<f64>, time: f64, step: &mut dyn Within) -> f64 {
-        let mut sides = self.sides.clone();
-        kinks.iter().for_each(|k| sides[*k] = sides[*k].opposite());
-        step.effect(&self.eq.held(&self.kinked, &sides), m, time)
-    }
-
-    /// Is the side of a kink undecided, and the motion on both within the step?
-    fn is_on_both_sides(&self, path: &[Place]) -> bool {
-        let is_on = |k: usize, side: Side| {
-            path.iter().any(|(_, d)| Side::of(d[k]) == side && self.is_beyond(k, d[k], self.zero))
-        };
-        (0..self.sides.len()).any(|k| self.is_undecided(k) && is_on(k, Side::Above) && is_on(k, Side::Below))
-    }
-
-    /// The first guess is on the way to the place j.
-    fn search_from(&mut self, t: f64, h: f64, mut path: Vec<Place>, j: usize, step: &mut dyn Within) -> Result<f64> {
-        let behind = path.last().map_or_else(Vec::new, |(_, d)| d.clone());
-        let targets = self.left(&behind, self.zero);
-        let (mut b, mut a) = (path.swap_remove(j), path.swap_remove(j - 1));
-        let mut guess = first_zero(&a, &b, &self.left(&b.1, self.zero));
-        let (mut before, mut last) = (a.clone(), b.clone());
-        for _ in 0..INTERPOLATED {
-            let Some(m) = step.between(&[guess])?.pop() else { break };
-            let there = (guess, plain(&self.distances(&m)));
-            *(if self.left(&there.1, self.at).is_empty() { &mut a } else { &mut b }) = there.clone();
-            before = std::mem::replace(&mut last, there);
-            let left = self.left(&b.1, self.at);
-            let next = secant(&before, &last, &left);
-            guess = if next > a.0 && next < b.0 { next } else { first_zero(&a, &b, &left) };
-            if (guess - last.0).abs() < KINK_GUESSED {
-                break;
-            }
-        }
-        let start = (0.0, plain(&self.last));
-        self.search = Some(Search::new(t, start, (h, behind), [&before, &last], targets));
-        Ok(guess)
-    }
-
-    /// Where a distance is least between two places, beyond the kink.
-    fn touched(&mut self, h: f64, path: &[Place], step: &mut dyn Within) -> Result<Option<f64>> {
-        for (k, j) in (0..self.sides.len()).flat_map(|k| (1..path.len() - 1).map(move |j| (k, j))) {
-            let own = |j: usize| if self.sides[k] == Side::Below { -path[j].1[k] } else { path[j].1[k] };
-            let [a, b, c] = [own(j - 1), own(j), own(j + 1)];
-            let (bend, slope) = (a - 2.0 * b + c, 0.5 * (c - a));
-            let is_least = self.sides[k] != Side::Free && b <= a && b <= c && bend > 0.0;
-            // the parabola is as good as the bend is even
-            if !is_least || b - 0.5 * slope * slope / bend > bend {
-                continue;
-            }
-            let x = path[j].0 - slope / bend * LOOKED[0];
-            for m in step.between(&[x])? {
-                let there = plain(&self.eq.kink_distances(&self.kinked, &m, &self.sides));
-                let is_seen = self.left(&there, SEEN_KINK).contains(&k);
-                let is_small = |step: &mut dyn Within| {
-                    let change = self.effect(&[k], &m, h * LOOKED[0], step);
-                    change < KINK_EFFECT * step.allowed() && !self.kinks[k].is_lasting()
-                };
-                if is_seen && (self.exact || !is_small(step)) {
-                    self.inside = Some(k);
-                    return Ok(Some(x));
-                }
-            }
-        }
-        Ok(None)
-    }
-
-    fn searched(
-        &mut self,
-        mut search: Search,
-        h: f64,
-        (now, end): (Vec<f64>, &Motion<f64>),
-        step: &mut dyn Within,
-    ) -> Option<f64> {
-        search.targets.extend(self.left(&now, self.zero));
-        let is_behind = !self.passed_by(&search, &now).is_empty();
-        let is_at = |k: &usize| !self.is_beyond(*k, now[*k], self.at);
-        search.found = self.found(&search, &now, end, step);
-        let is_end = search.is_last || !search.found.is_empty();
-        let next = if is_end || !is_behind && self.passed_by(&search, &search.behind.1).iter().any(is_at) {
-            None
-        } else {
-            search.narrow(h, now, is_behind);
-            search.near += usize::from(self.left(&search.behind.1, self.zero).is_empty());
-            search.is_last = search.tries > KINK_SEARCH || search.near > KINK_POLISH;
-            let passed = self.passed_by(&search, &search.behind.1);
-            Some(if search.is_last { search.before.0 } else { search.guess(&passed) } / h)
-        };
-        self.search = Some(search);
-        next
-    }
-
-    /// Kinks that a step ends so near to that no error shows what laws change in between.
-    fn found(&self, search: &Search, now: &[f64], end: &Motion<f64>, step: &mut dyn Within) -> Vec<usize> {
-        if self.exact {
-            return Vec::new();
-        }
-        let time = |k: usize| search.time(k, now[k]);
-        let mut near = self.passed_by(search, now);
-        if near.is_empty() {
-            let ahead = self.passed_by(search, &search.behind.1);
-            near = ahead.into_iter().min_by(|a, b| time(*a).total_cmp(&time(*b))).into_iter().collect();
-        }
-        let longest = near.iter().map(|k| time(*k)).fold(0.0, f64::max);
-        let is_near = !near.is_empty() && longest < NEAR_KINK * search.behind.0;
-        let is_found = is_near && self.effect(&near, end, longest, step) < KINK_EFFECT * step.allowed();
-        if is_found { near } else { Vec::new() }
-    }
-
-    /// Kinks of a search behind which distances are.
-    fn passed_by(&self, search: &Search, distances: &[f64]) -> Vec<usize> {
-        self.left(distances, self.at).into_iter().filter(|k| search.targets.contains(k)).collect()
-    }
-
     /// The kink is nearer to the start of the step than any step can end.
     pub fn is_here(&mut self, here: &Instant) {
         match self.search.take() {
@@ -543,7 +356,7 @@ impl<'e, 's> Sides<'e, 's> {
         for &k in kinks {
             self.rests.meet(k);
             if self.fresh[k] || !self.exact && self.rests.is_met_again(k) {
-                (self.ignored[k], self.sides[k]) = (true, Side::Free);
+                self.leave(k);
                 self.rests.begin(k);
                 self.miss(m.t, k, ENDLESS);
                 continue;
@@ -631,7 +444,7 @@ impl<'e, 's> Sides<'e, 's> {
             let is_beyond = self.is_beyond(k, self.last[k].distance, self.zero) || self.is_beyond(k, *d, self.zero);
             let rests = self.is_undecided(k) && !is_beyond;
             if rests && self.eq.bends_at(m, (&self.kinked, &self.sides), k) {
-                self.ignored[k] = true;
+                self.leave(k);
                 self.miss(m.t, k, RESTS);
             }
         }

@@ -76,7 +76,7 @@ pub const LONGEST_REST: u32 = 12;
 /// Kinks of states of a model, reversals of rates or states, above which steps end at none of them and the error control passes all: twenty
 /// hinges with hysteresis reverse more often than steps end. Larger: motions of many such laws take twice the time. Smaller: few laws are
 /// less accurate. Pinned by `test_hinges_with_hysteresis_reverse_more_often_than_steps_end`, from above.
-pub const KINK_CROWD: usize = 8;
+pub const KINK_CROWD: usize = 4;
 /// What a kink changes in a motion within the step behind it, over the rates or the characteristic length, at most; the change grows with
 /// the square of the step. Larger: a step goes over many vibrations of a stiff contact before its error shows them. Smaller: steps behind kinks
 /// are short for nothing. Pinned by `test_a_stiff_contact_is_not_stepped_over`, from above.
