@@ -19,6 +19,7 @@ def require_memory(bytes: float, what: str, remedy: str) -> None: ...
 
 __all__ = [
     "BALANCED",
+    "ENTRY_ROUNDING",
     "HIGH_LOAD",
     "MOST_ANNULUS_STEPS",
     "NO_FEEDTHROUGH",
@@ -85,6 +86,7 @@ class CoreConvergenceError(CoreError): ...
 class CoreNotDifferentiableError(CoreError): ...
 
 BALANCED: float
+ENTRY_ROUNDING: float
 HIGH_LOAD: float
 MOST_ANNULUS_STEPS: int
 NO_FEEDTHROUGH: float

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
+from .. import _core
 from .._lib.border import core_errors
 from .._lib.checks import count, real_number
 from .._lib.rotations import skew
@@ -36,10 +37,6 @@ if TYPE_CHECKING:
 
 _MAX_ITERATIONS = 60
 _LEAST_AZIMUTHS, _MOST_AZIMUTHS = 5, 999
-# Rounding of a force, in units of eps times the sizes of what was added up for it; that of places, with the arms of forces and the strains
-# of springs, comes beside it. Larger: the search ends early. Smaller: stiff rotors that are drawn with noise in the last digits have no
-# steady motion. Pinned by tests/truth/test_steady_rotation.py with jitter.
-_ENTRY = 4.0
 # Residual force, relative to the forces at work, beyond which a motion is not called converged; and the forces, over the stiffness
 # times a radian or a characteristic length, below which a model counts as unloaded. As of equilibria (rust/src/tolerances/mod.rs).
 _BALANCED, _UNLOADED = 1e-9, 1e-11
@@ -413,7 +410,8 @@ def _solve(
             S = _carried_stiffness(r, spin, rate, place)[np.ix_(still, still)]
             step[still] = unit * _newton(S * np.outer(unit, unit), residual, forces)
             natural = np.sum(np.abs(S * np.outer(unit, unit)), axis=1)
-            own = _ENTRY * np.finfo(float).eps * (forces + natural)
+            # that of places, with the arms of forces and the strains of springs, comes beside it
+            own = _core.ENTRY_ROUNDING * np.finfo(float).eps * (forces + natural)
             explained = np.abs(residual) <= own + r["hidden_forces"][still] * unit
             unloaded = explained & (forces <= _UNLOADED * np.max(natural))
             balanced = bool(np.all(unloaded | (np.abs(residual) <= _BALANCED * forces)))

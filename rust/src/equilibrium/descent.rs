@@ -47,7 +47,7 @@ impl Level {
 }
 
 /// The energy of an element that rounding of places may make: the work of its forces along what it makes of the strains, and their own.
-fn hidden(element: &Element) -> f64 {
+fn hidden_energy(element: &Element) -> f64 {
     let n = element.gradients.len();
     let along = |i: usize| {
         let stretched = (0..n).map(|j| element.k[i][j].abs() * element.rounding[j]).sum::<f64>();
@@ -90,7 +90,7 @@ impl<'s> Descent<'s> {
         Level {
             stored: stored.sum::<f64>() + energies.gravity,
             rounding: f64::EPSILON * (energies.elements.len() + self.system.n_bodies()) as f64 * size
-                + elements(self.system, &placement, self.effects).iter().map(hidden).sum::<f64>(),
+                + elements(self.system, &placement, self.effects).iter().map(hidden_energy).sum::<f64>(),
             loads: (0..topology.tables.loads.len()).map(load).collect(),
         }
     }

@@ -6,7 +6,7 @@ use nalgebra::{DMatrix, DVector};
 use crate::constraint::closure::close;
 use crate::constraint::loops::column_scales;
 use crate::error::{Error, Result};
-use crate::linearize::force_rounding::force_rounding;
+use crate::linearize::force_rounding::ForceRounding;
 use crate::linearize::{Linearization, Setting, linearize, stiffness_terms};
 use crate::multibody::System;
 use crate::multibody::assemble::Effects;
@@ -101,7 +101,8 @@ impl Local {
 
     /// What rounding of the places of bodies may make of the forces, with it of arms and of the strains of springs: (dof, sources).
     pub(crate) fn rounding(&self, setting: &Setting<'_>) -> DMatrix<f64> {
-        let mut sources = force_rounding(setting, &self.linearization);
+        let all: Vec<usize> = (0..self.r.len()).collect();
+        let mut sources = ForceRounding::at(setting, &self.linearization).sources(&all);
         for (mut row, scale) in sources.row_iter_mut().zip(&self.scale) {
             row *= *scale;
         }
@@ -110,11 +111,17 @@ impl Local {
 
     /// Whether what is left over may be that, or rounding of the coordinates and of the directions of forces.
     pub(crate) fn is_rounding(&self, setting: &Setting<'_>) -> bool {
-        let sources = self.rounding(setting);
-        let sum = |m: &DMatrix<f64>, i: usize| m.row(i).iter().map(|v| v.abs()).sum::<f64>();
+        let rounding = ForceRounding::at(setting, &self.linearization);
         let unit = ENTRY_ROUNDING * f64::EPSILON;
-        let own = |i: usize| unit * (self.sizes[i] + (1.0 + self.far) * sum(&self.k, i));
-        (0..self.r.len()).all(|i| self.r[i].abs() <= own(i) + sum(&sources, i))
+        let most = |i: usize| {
+            let natural: f64 = self.k.row(i).iter().map(|v| v.abs()).sum();
+            unit * (self.sizes[i] + (1.0 + self.far) * natural) + rounding.total(i) * self.scale[i]
+        };
+        // the first one that is more answers
+        let mut order: Vec<usize> = (0..self.r.len()).collect();
+        let size = |i: usize| (self.r[i] / self.sizes[i]).abs();
+        order.sort_by(|i, j| size(*j).total_cmp(&size(*i)));
+        order.into_iter().all(|i| self.r[i].abs() <= most(i))
     }
 
     /// Coordinates along which more is left over than a balance may leave of the forces at work, if there are any.

@@ -8,10 +8,13 @@ use crate::memory;
 use crate::run::Counts;
 use crate::second_order::linear_system::LinearSystem;
 use crate::second_order::modal::Modal;
-use crate::tolerances::{frequency_response::NO_FEEDTHROUGH, linearisation::BALANCED, modes::SAME_ROOT};
+use crate::tolerances::{
+    frequency_response::NO_FEEDTHROUGH, linearisation::BALANCED, matrices::ENTRY_ROUNDING, modes::SAME_ROOT,
+};
 
 pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("BALANCED", BALANCED)?;
+    module.add("ENTRY_ROUNDING", ENTRY_ROUNDING)?;
     module.add("NO_FEEDTHROUGH", NO_FEEDTHROUGH)?;
     module.add("SAME_ROOT", SAME_ROOT)
 }

@@ -15,7 +15,7 @@ use crate::equilibrium::{Equilibrium, equilibrium};
 use crate::error::{Error, Result};
 use crate::integrate::{Equations, Motion};
 use crate::linearize::air_states::{air_states, holding};
-use crate::linearize::force_rounding::hidden;
+use crate::linearize::force_rounding::hidden_forces;
 use crate::linearize::model_modes::linear_system;
 use crate::linearize::parts::{Parts, parts};
 use crate::linearize::reactions::reactions;
@@ -325,7 +325,7 @@ impl PySystem {
             let mut counts = Counts::default();
             let setting = Setting { system, state: &state, memory: &memory, acceleration: &acceleration, effects };
             let lin = linearize(&setting, &mut counts)?;
-            let hidden = raw.then(|| hidden(&setting, &lin));
+            let hidden = raw.then(|| hidden_forces(&setting, &lin));
             let parts = if raw { None } else { Some(parts(&setting, &lin, turn.as_ref())?) };
             Ok((lin, parts, hidden, counts))
         })?;

@@ -1,12 +1,12 @@
 //! Entries and factors of matrices.
 
 /// Rounding of an entry in units of eps times the sum of the sizes of what was added up for it: of a constraint row, of a force or a
-/// stiffness of an equilibrium (also times one and the distance from the origin), of the force of a slider, of the distance from a kink of a law, of an entry beside a diagonal in
+/// stiffness of an equilibrium (also times one and the distance from the origin) or a steady motion, of the force of a slider, of the distance from a kink of a law, of an entry beside a diagonal in
 /// units of the masses. Larger: a model far from the origin has doubtful loops, the search for an equilibrium ends early, sliders that stick
 /// close to their limit slip, and weak negative coupling of unheld directions is lost. Smaller: rows of rounding lock a door on two hinges,
 /// models far from the origin have no equilibrium, and rigid directions get roots of rounding. Pinned by
 /// `test_a_door_far_from_the_origin_is_no_doubtful_one`, `test_a_door_far_from_the_origin_is_locked_by_hinges_that_are_off`,
-/// tests/linear/test_equilibrium_estimate.py, `the_rate_decides_at_the_limit` of `force::jenkins`, tests/truth/test_damped_modes.py and
+/// tests/linear/test_equilibrium_estimate.py, tests/truth/test_steady_rotation.py (with jitter), `the_rate_decides_at_the_limit` of `force::jenkins`, tests/truth/test_damped_modes.py and
 /// `test_a_weak_coupling_of_what_nothing_holds_lets_it_diverge`.
 pub const ENTRY_ROUNDING: f64 = 4.0;
 
