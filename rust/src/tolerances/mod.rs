@@ -219,8 +219,8 @@ pub mod rolling {
 pub mod aero {
     /// Smallest inflow angle (rad) of an annulus through which the wind still blows. Too large: heavily loaded annuli reverse too early;
     /// too small: a hovering rotor in a breath of wind is taken for a windmill that blocks it. Pinned by
-    /// `a_loaded_windmill_sees_its_wind_at_a_hundred_thousandth`, from above, and `a_breath_of_wind_makes_no_windmill_of_a_hovering_rotor`,
-    /// from below.
+    /// `a_breath_of_wind_makes_no_windmill_of_a_hovering_rotor`, from below. Not seen from above: it takes inflow angles below 1e-4, a
+    /// thousandth of those of rotors.
     pub const SMALLEST_INFLOW: f64 = 1e-6;
 
     /// k = a / (1 - a) at the axial induction a = 0.4 above which Buhl's parabola, which meets momentum theory there, replaces it. Larger:
