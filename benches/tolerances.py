@@ -6,7 +6,8 @@ python benches/tolerances.py FOLDER modes::SHARP --with tests/linear/test_modal.
 python benches/tolerances.py FOLDER --write            what was found, into benches/README.md
 
 FOLDER keeps the copy and what was found (found.jsonl); the copy is made anew where there is none. Python tests are read from this
-folder, not from the copy. A number is seen in a direction if a test fails there or does not end in several times its usual time.
+folder, not from the copy: of functions all cases, of whole files those that a plain run of pytest takes. A number is seen in a direction
+if a test fails there or does not end in several times its usual time.
 """
 
 from __future__ import annotations
@@ -91,9 +92,13 @@ class Copy:
     def failed(self, tests: Tests, change: str = "", limit: float | None = None) -> str:
         """The first test that fails with a number changed, "hangs" after ``limit`` seconds, or nothing."""
         rust = [str(self.program), *tests.rust, "--test-threads", "1"]
-        python = [sys.executable, "-m", "pytest", "-x", "-n", "0", "--no-header", *tests.python]
+        pytest = [sys.executable, "-m", "pytest", "-x", "-n", "0", "--no-header"]
+        functions = [test for test in tests.python if "::" in test]
+        files = [test for test in tests.python if test not in functions]
+        commands = [rust] * bool(tests.rust) + [[*pytest, *files]] * bool(files)
+        commands += [[*pytest, "-m", "", *functions]] * bool(functions)
         environment = {**os.environ, VARIABLE: change, "PYTHONPATH": str(self.folder / "python")}
-        for command in [rust] * bool(tests.rust) + [python] * bool(tests.python):
+        for command in commands:
             try:
                 done = subprocess.run(
                     command, cwd=ROOT, env=environment, capture_output=True, text=True, errors="replace", timeout=limit

@@ -176,6 +176,10 @@ def test_rows_of_a_loop_are_solved_to_their_rounding():
     traj = mb.simulate(problem.model, t=problem.t / 2, method="bdf-bfgs", rtol=1e-8)
     print(problem.error_of(traj), traj.error, traj.stats.counts)
     assert problem.error_of(traj) < 2e-8 + 1e4 * jitter.level()
+    # and no further, which takes several times the work
+    counts = mb.simulate(zoo.five_bar().model, 0.2, method="bdf-bfgs", step=1e-3).stats.counts
+    print(counts)
+    assert counts["force evaluations"] < 10 * counts["steps"]
 
 
 @pytest.mark.some(1)

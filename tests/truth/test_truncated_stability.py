@@ -224,6 +224,13 @@ def test_borders_do_not_depend_on_the_points_around_them(top):
     assert np.allclose(borders[0], borders[3], rtol=0.1 * max(curves[0].error))
 
 
+def test_exponents_at_borders_are_on_the_axis():
+    stop = (np.ones(1), 20.0, 0.5, False)
+    curve = response((np.eye(1), 0.05 * np.eye(1), np.eye(1), [stop], np.array([0.3]), 5, (0.74, 0.94)), max_step=0.05)
+    growth = [abs(e.exponent.real) / e.omega for e in curve.events if e.kind == "period-doubling"]
+    assert len(growth) == 2 and max(growth) < 2e-11
+
+
 @pytest.mark.parametrize("span, most", [((0.7, 0.72), 44), ((1.1, 0.8), 6)])
 def test_an_event_takes_few_solutions_with_more_harmonics(span, most):
     """Most where a stop is first met, beside which the multipliers jump like a root."""

@@ -205,11 +205,12 @@ fn shortened(spectrum: &Spectrum, r: &DVector<f64>, limits: &[f64]) -> (f64, DVe
     // |p_i| <= |row i of the vectors| |vectors^T r|/sigma bounds sigma from above
     let pushed = spectrum.vectors.tr_mul(r).norm();
     let highest = (0..r.len()).map(|i| spectrum.vectors.row(i).norm() * pushed / limits[i]).fold(0.0, f64::max);
-    let (mut low, mut high) = (f64::EPSILON * highest, highest);
+    let (mut low, mut high) = (0.0, highest);
     let mut p = answer(spectrum, r, high);
     let mut sigma = high;
     for _ in 0..40 {
-        let middle = f64::sqrt(low * high);
+        // down by two decades at a time to a bracket, whose geometric means follow; which ones only costs steps
+        let middle = if low > 0.0 { f64::sqrt(low * high) } else { 0.01 * high };
         let q = answer(spectrum, r, middle);
         let part = reach(&q, limits);
         if part > 1.0 {

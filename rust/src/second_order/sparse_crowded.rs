@@ -13,7 +13,7 @@ use crate::linalg::krylov::{Options, Ritz, Space};
 use crate::linalg::sparse::Csc;
 use crate::run::{Cancel, Counts};
 use crate::tolerances::modes::PATIENCE;
-use crate::tolerances::sparse_modes::{NEARLY_ROOT, PLAUSIBLE, SAME_VALUE};
+use crate::tolerances::sparse_modes::{PLAUSIBLE, SAME_VALUE};
 
 /// Roots beyond the wanted ones, among which a gap is looked for that a circle can pass.
 const SPARE: usize = 6;
@@ -120,7 +120,7 @@ impl Search<'_> {
             start = Mat::from_fn(vectors.nrows(), order.len(), |i, j| vectors[(i, order[j])]);
             // as far from the root as the others are, not on it: factors there would see nothing else
             sigma = s[lowest] * (1.0 - (spread / s[lowest].norm()).clamp(SAME_VALUE, 0.5));
-            if off(lowest) <= NEARLY_ROOT {
+            if off(lowest) <= PLAUSIBLE {
                 break;
             }
         }

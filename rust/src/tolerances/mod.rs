@@ -126,12 +126,10 @@ pub mod equilibrium {
     pub const FALLS: f64 = 1e-9;
 
     /// Unbalance, free of units, and step, in characteristic lengths or radians, that end the search: either alone at rounding; both
-    /// together. Larger: digits are given away. Smaller: steps in rounding. Pinned by
-    /// `test_a_chain_that_hangs_on_a_soft_spring_above_stiff_ones`, from below. Not seen from above: a search that ends early makes one
-    /// last step, which leaves the square.
+    /// together. Larger: digits are given away. Smaller: steps in rounding. Not seen: a search that ends early makes one last step, which
+    /// leaves the square, and one that ends late in `test_far_equilibrium` some steps more.
     pub const BALANCED: f64 = 1e-14;
-    /// See `BALANCED`. Pinned by `test_a_rod_drawn_level_falls_and_hangs`, from above, and `test_a_link_beyond_its_buckling_load`, from
-    /// below.
+    /// See `BALANCED`. Pinned by `test_a_link_beyond_its_buckling_load`, from below. Not seen from above: the last step leaves its square.
     pub const NEARLY_BALANCED: f64 = 1e-11;
 
     /// Newton's step, in characteristic lengths or radians, from which on a slow search may descend in energy instead. Larger: loads

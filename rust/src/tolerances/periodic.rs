@@ -44,10 +44,9 @@ pub const NEUTRAL: f64 = 1e-9;
 /// solved at each point. Pinned by `where_an_exponent_crosses_tells_the_kind`.
 pub const EXPONENT: f64 = 1e-6;
 
-/// Growth over the base frequency at which the search for the place where an exponent crosses the axis ends. Free of units. Too large: events
-/// are less accurate; too small: solutions with more harmonics that move them by less than their error. Pinned by
-/// `test_borders_do_not_depend_on_the_points_around_them`, from above, and `test_an_event_takes_few_solutions_with_more_harmonics`, from
-/// below.
+/// Growth over the base frequency at which the search for the place where an exponent crosses the axis ends. Free of units. Too large:
+/// events are less accurate; too small: solutions with more harmonics that move them by less than their error. Pinned by
+/// `test_exponents_at_borders_are_on_the_axis`, from above. Not seen from below: borders take one or two solutions more.
 pub const CROSSED: f64 = 1e-11;
 
 /// Steps of the finest integration over which a contact must last to be seen by the stability of a motion. A count. Too large:

@@ -8,8 +8,8 @@ pub const DESCENT: f64 = 1e-3;
 /// Residual to which points of a search within a segment are solved, at most, and the shortest step of such a search; width of a bracket
 /// over the segment, and a value over those at its ends, below which both are rounding of these points. Where a row is singular it leaves
 /// the root of itself, by which the two sides of a bracket may part. Larger: events and peaks are less accurate. Smaller: points are
-/// refused for their rounding, and bisections change nothing. Pinned by `test_stability_of_a_thousand_masses_is_told`, from below. Not seen
-/// from above: events of curves are the same to the digits of tests.
+/// refused for their rounding, and bisections change nothing. Pinned by `a_circle_is_followed_all_around`, from above, and
+/// `test_stability_of_a_thousand_masses_is_told`, from below.
 pub const EVENT_SOLVED: f64 = 1e-11;
 
 /// Part of a segment down to which a jump is bracketed. Larger: jumps are told less accurately. Smaller: both sides cannot be told apart.

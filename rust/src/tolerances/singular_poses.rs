@@ -2,7 +2,7 @@
 
 /// How much less firmly rows hold than they have done in this motion where it is near a singular pose. Larger: harmless poses are watched.
 /// Smaller: rates before and behind the pose are compared so near to it that they carry its noise. Pinned by
-/// `tests/motion/test_singular_poses.py`.
+/// `tests/motion/test_singular_poses.py`, from below. Not seen from above: what is watched more often is passed as well.
 pub const NEAR: f64 = 0.1;
 
 /// Part of all rates by which they may differ behind a singular pose from what the accelerations before and behind it explain. Larger:

@@ -53,7 +53,8 @@ pub const BESIDE_KINK: f64 = 1e-11;
 /// What is noise beside the tolerance of controlled steps, over it: distances from a kink at the ends of steps, and the error of a start
 /// step of "bdf-bfgs", which has to be far below that of the steps that follow on it. Larger: as of `BESIDE_KINK`, and differences of the
 /// first points show the errors of the start. Smaller: remainders of Newton's method are taken for passages, and start steps are divided
-/// for nothing.
+/// for nothing. Pinned by tests/gradients/test_gradient_bounces.py, from above. Not seen from below: kinks of tests are met as well, and
+/// start steps are of order eight.
 pub const NOISE_SHARE: f64 = 1e-3;
 /// Distances over the largest of the motion, and over the tolerance, at which a step ends at the kink where no derivative is wanted: a law that is
 /// held as much too long errs by the square of it. Larger: stiff contacts show it. Smaller: another step for each kink.
@@ -96,8 +97,7 @@ pub const KINK_SEARCH: usize = 60;
 
 /// Lower limit of the norm of the equations of a step of "bdf-bfgs", over the root of their number: rounding of constraint rows. Larger:
 /// steps are not solved, and orders and lengths of steps follow what is left. Smaller: rounding is solved, and no run past singular poses
-/// is good enough. Pinned by `test_rows_of_a_loop_are_solved_to_their_rounding`, from above, and
-/// `test_a_tolerance_is_that_of_the_whole_motion`, from below.
+/// is good enough. Pinned by `test_rows_of_a_loop_are_solved_to_their_rounding`.
 pub const ROW_ROUNDING: f64 = 1e-15;
 
 /// How much looser a trial run is that shows how much of its local errors lasts. Larger: its error is no longer in proportion. Smaller:
@@ -124,8 +124,7 @@ pub const PATIENCE: f64 = 5.0;
 /// iterations for nothing. Smaller: matrices for nothing. Only work depends on it. Not scanned.
 pub const FEW: usize = 2;
 /// See `FEW`; of the contraction. Also what matrices that served before are trusted to shrink a first correction by, at most: it says
-/// nothing of how fast they shrink. Pinned by `test_work_of_steps_that_keep_matrices_and_lengths`, from below. Not seen from above:
-/// `test_work_of_steps_that_keep_matrices_and_lengths` takes a hundredth more iterations.
+/// nothing of how fast they shrink. Pinned by `test_work_of_steps_that_keep_matrices_and_lengths`.
 pub const SLOW: f64 = 0.1;
 /// Matrices that shrink corrections more slowly by this factor than when they were new have aged; others are as good as new ones: what they
 /// leave out is of the order of the step. Larger: iterations for nothing. Smaller: matrices for nothing. Pinned by
