@@ -11,7 +11,7 @@ for i, (a, b) in enumerate(mb.examples.cubic_hexapod_points(edge=0.2, centre=(0,
     m.spring_damper(f"leg{i}", m.ground, p, at=(a, b), k=k, c=c)
 
 print(mb.effects(m))
-modes = mb.modes(m)             # mb.modes(m, n=20): the 20 lowest
+modes = mb.modes(m)             # mb.modes(m, n=20): the 20 lowest; shift= for those near a frequency
 print(modes)                    # f_n, f_d, zeta, kind, repeated group, dominant body, residual
 modes.frequency                 # (n,) |s|/2pi, Hz; n = degrees of freedom, ascending; 0 for rigid modes
 modes.damping                   # (n,) -Re s/|s|; nan for rigid modes

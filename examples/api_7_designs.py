@@ -17,6 +17,8 @@ runs = mb.sweep(m, designs, outputs, executor=None, store=folder / "runs", on_er
 fast = mb.sweep(m, designs, mb.outputs.modes(n=6, sensitivities=["k_leg"]))            # named analyses; also frf, equilibrium
 runs.to_xarray(); runs.to_frame(); runs.failures; runs.plot("k_leg", "f[0]").savefig(folder / "designs-scatter.png")
 runs.plot().savefig(folder / "designs-correlation.png")
+modes = mb.modes(m)
+best = mb.problem(m, mb.Match(modes, frequency=12.0, shape=modes.shape[:, 0]), parameters=["k_leg"], bounds={"k_leg": (1e4, 1e6)}).solve()   # objectives on modes and transfer functions as well
 
-print(runs)
+print(runs, best, sep="\n\n")
 print("the named outputs agree:", bool(abs(fast["frequency"] - runs["f"]).max() < 1e-9))

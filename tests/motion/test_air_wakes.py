@@ -71,6 +71,17 @@ def test_a_rotor_that_stands_has_no_wake():
         mb.simulate(m, t=1.0)
 
 
+def test_a_hub_on_the_ground_has_no_wind_and_says_so():
+    """Sheared wind is counted from the ground, which is the world's origin where nothing else is said."""
+    m = mb.examples.wind_rotor(modes=2)
+    wind = mb.aero.wind(speed=8.0, shear=0.2, reference_height=84.0)
+    m.aerodynamics("air", mb.examples.wind_rotor_blades(sections=4), wind=wind, inflow="free-wake")
+    with pytest.raises(
+        mb.ModelError, match=r"none at its hub, which is not above the ground: give mb\.aero\.wind\(ground="
+    ):
+        mb.simulate(m, t=0.1)
+
+
 def test_simpler_inflows_stand_beside_the_models_own():
     """The rows of an effect study are the motions without air, with air that induces nothing, and with momentum theory."""
     m, _ = rotor(inflow="prescribed-wake", sections=4, count=1, options={"steps": 12}, shear=0.9)

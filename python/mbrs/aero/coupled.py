@@ -280,7 +280,14 @@ class RotorWakeInduction:
         o, u = self.options, self.blades.wind.velocity(frame.origin)
         axial = float(u @ self.blades.axis)
         if not axial > 0.0:
-            raise ModelError(f"{self.name}: the wake of a rotor needs wind along its axis, which points down the wind")
+            where = (
+                ""
+                if u.any()
+                else "; there is none at its hub, which is not above the ground: give mb.aero.wind(ground=...)"
+            )
+            raise ModelError(
+                f"{self.name}: the wake of a rotor needs wind along its axis, which points down the wind{where}"
+            )
         h = self.step
         ages = np.arange(o.lattice + o.far + 1) * h
         path = wind_path(min(self._thrust(lines, gamma), 0.96), axial, self.radius, ages)
