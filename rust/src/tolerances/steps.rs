@@ -39,8 +39,8 @@ pub const CLOSED: f64 = 1e-14;
 /// What starts from rest has no rates: they count at least as if the motion took this part of the characteristic length, or a radian, and
 /// an acceleration counts as a rate for this part of the motion, at most for a step. Larger: slow motions keep long steps of which they
 /// know nothing, and drives that push for a moment set the scale of all. Smaller: the first steps from rest are far too long, and made
-/// again. Pinned by `test_turns_of_a_slider_from_rest`, from above. Not seen from below: smooth motions of tests take the same steps but
-/// for one in two hundred.
+/// again. Pinned by `test_a_table_that_wakes_up_is_not_passed_over`, from above. Not seen from below: smooth motions of tests take the same
+/// steps but for one in two hundred.
 pub const FROM_REST: f64 = 1e-3;
 
 /// Distances from a kink of a law over the largest of the motion at which a step ends at the kink. Larger: a law is held on its side
