@@ -30,7 +30,8 @@ def motion(scene, method, rtol):
 @pytest.mark.parametrize("name", SCENES)
 def test_the_error_is_the_one_that_is_told(name, method, seed):
     scene = SCENES[name](seed)
-    rtol = 1e-4 if method in ORDER_TWO else 1e-7
+    # each history of "bdf-bfgs" begins with 1e-8 at best, which finer tolerances do not better: docs/limits.md
+    rtol = {"bdf-bfgs": 1e-6}.get(method, 1e-4 if method in ORDER_TWO else 1e-7)
     traj, error = motion(scene, method, rtol)
     assert traj.stats.counts["kinks met"] > 2
     assert error < 3 * traj.error + 1e-9
