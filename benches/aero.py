@@ -162,7 +162,7 @@ def coupled_rotor(steps: int) -> mb.Model:
     m = mb.examples.wind_rotor()
     m.aerodynamics(
         "air", mb.examples.wind_rotor_blades(), inflow="free-wake", options={"steps": steps, "threads": 1},
-        wind=mb.aero.wind(8.0, "x", shear=0.2, reference_height=84.0, ground=-84.0), axis=(np.cos(tilt), 0.0, np.sin(tilt)),
+        wind=mb.aero.wind(8.0, "x", shear=0.2, reference_height=84.0), axis=(np.cos(tilt), 0.0, np.sin(tilt)),
     )  # fmt: skip
     return m
 

@@ -26,6 +26,6 @@ m = mb.examples.four_bar()
 print(mb.compare(mb.modes(m, at=mb.equilibrium(m))))           # the NumPy reference beside the core, as a table of differences
 
 m = mb.examples.wind_rotor()
-m.aerodynamics("air", blades=mb.examples.wind_rotor_blades(), wind=mb.aero.wind(speed=8.0, shear=0.2, reference_height=84.0, ground=-84.0), inflow="free-wake", options={"steps": 36})
+m.aerodynamics("air", blades=mb.examples.wind_rotor_blades(), wind=mb.aero.wind(speed=8.0, shear=0.2, reference_height=84.0), inflow="free-wake", options={"steps": 36})
 traj = mb.simulate(m, t=float(sys.argv[2]) if len(sys.argv) > 2 else 30.0, rtol=1e-5); traj.aero("blade1").circulation; traj.power; traj.animate(folder / "rotor.html")
 print(f"power at the end {traj.power[-1] / 1e3:.0f} kW")

@@ -25,7 +25,7 @@ def wake_loads(scale: float) -> tuple[mb.Trajectory, Loads]:
     m.aerodynamics(
         "air",
         mb.examples.wind_rotor_blades(SECTIONS, scale),
-        wind=mb.aero.wind(8.0, "x", shear=0.2, reference_height=84.0, ground=-84.0),
+        wind=mb.aero.wind(8.0, "x", shear=0.2, reference_height=84.0),
         inflow="free-wake",
         options={"steps": STEPS},
     )

@@ -29,7 +29,7 @@ def rotor(inflow, **more):
     m.aerodynamics(
         "air",
         blades=mb.examples.wind_rotor_blades(),
-        wind=mb.aero.wind(speed=8.0, direction="x", shear=0.2, reference_height=84.0, ground=-84.0),
+        wind=mb.aero.wind(speed=8.0, direction="x", shear=0.2, reference_height=84.0),
         density=1.225,
         inflow=inflow,
         axis=(np.cos(tilt), 0.0, np.sin(tilt)),

@@ -112,7 +112,7 @@ def test_flexible_blades_in_sheared_wind_repeat_themselves():
     off = []
     for n in (15, 45):
         m = bladed()
-        wind = mb.aero.wind(8.0, "x", shear=0.2, reference_height=84.0, ground=-84.0)
+        wind = mb.aero.wind(8.0, "x", shear=0.2, reference_height=84.0)
         m.aerodynamics("air", mb.examples.wind_rotor_blades(sections=6), wind=wind, inflow="bem")
         steady = mb.steady_motion(m, average=n)
         orbit = steady.state.orbit

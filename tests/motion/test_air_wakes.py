@@ -72,9 +72,8 @@ def test_a_rotor_that_stands_has_no_wake():
 
 
 def test_a_hub_on_the_ground_has_no_wind_and_says_so():
-    """Sheared wind is counted from the ground, which is the world's origin where nothing else is said."""
     m = mb.examples.wind_rotor(modes=2)
-    wind = mb.aero.wind(speed=8.0, shear=0.2, reference_height=84.0)
+    wind = mb.aero.wind(speed=8.0, shear=0.2, reference_height=84.0, ground=91.0)
     m.aerodynamics("air", mb.examples.wind_rotor_blades(sections=4), wind=wind, inflow="free-wake")
     with pytest.raises(
         mb.ModelError, match=r"none at its hub, which is not above the ground: give mb\.aero\.wind\(ground="

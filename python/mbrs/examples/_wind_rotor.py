@@ -14,6 +14,7 @@ from ._windpact import (
     CHORD,
     CHORD_AT,
     DAMPING,
+    HUB_HEIGHT,
     HUB_INERTIA,
     HUB_MASS,
     HUB_RADIUS,
@@ -68,9 +69,9 @@ def wind_rotor(
     Returns
     -------
     Model
-        6 bodies, axis of rotation tilted by 5 degrees from x; z of blade frames runs down the wind along it, x outwards. Nodes
-        "root", "section" (at 85 % of the blade) and "tip", markers "section1" to "section3". Blades, hub, nacelle: WindPACT 1.5
-        MW (OpenFAST r-test, public), a stand-in for the unpublished rotor of J. Algorithms Comput. Technol. 2017, doi
+        6 bodies, 84 m above the ground, axis of rotation tilted by 5 degrees from x; z of blade frames runs down the wind along it,
+        x outwards. Nodes "root", "section" (at 85 % of the blade) and "tip", markers "section1" to "section3". Blades, hub, nacelle:
+        WindPACT 1.5 MW (OpenFAST r-test, public), a stand-in for the unpublished rotor of J. Algorithms Comput. Technol. 2017, doi
         10.1177/1748301817729990. The shaft's data and the air loads are invented.
 
     Examples
@@ -105,21 +106,22 @@ def wind_rotor(
 def add_nacelle(m: Model, speed: float, scale: float) -> tuple[Any, Any, np.ndarray, np.ndarray]:
     """Nacelle, shaft and the bearing between; the shaft, the bearing, the rotor's centre and its axes: up, with the rotation, the axis."""
     axis = np.array([np.cos(TILT), 0.0, np.sin(TILT)])
-    centre = -OVERHANG * scale * axis
+    top = np.array([0.0, 0.0, HUB_HEIGHT * scale])
+    middle, centre = (top - part * OVERHANG * scale * axis for part in (0.5, 1.0))
     up = np.cross(axis, (0.0, 1.0, 0.0))
     frame = np.stack([up, np.cross(axis, up), axis], axis=1)
     inertia = NACELLE_YAW_INERTIA * scale**5
-    nacelle = m.body("nacelle", mass=NACELLE_MASS * scale**3, inertia=(inertia, inertia, inertia), at=(0, 0, 0))
+    nacelle = m.body("nacelle", mass=NACELLE_MASS * scale**3, inertia=(inertia, inertia, inertia), at=top)
     shaft = m.body(
         "shaft",
         mass=_SHAFT_MASS * scale**3,
         inertia=tuple(scale**5 * value for value in _SHAFT_INERTIA),
-        at=0.5 * centre,
+        at=middle,
         orientation=frame,
         angular_velocity=tuple(speed * axis),
     )
-    m.fixed("yaw lock", m.ground, nacelle, at=(0, 0, 0))
-    return shaft, m.revolute("bearing", nacelle, shaft, at=0.5 * centre, axis=axis), centre, frame
+    m.fixed("yaw lock", m.ground, nacelle, at=top)
+    return shaft, m.revolute("bearing", nacelle, shaft, at=middle, axis=axis), centre, frame
 
 
 def shaft_end(scale: float = 1.0) -> tuple[tuple[float, ...], tuple[float, ...]]:

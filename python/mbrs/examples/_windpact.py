@@ -12,6 +12,7 @@ HUB_MASS, HUB_INERTIA = 15148.0, 34600.0  # kg, kg m2 about the shaft
 NACELLE_MASS, NACELLE_YAW_INERTIA = 51170.0, 49130.0  # kg, kg m2
 OVERHANG = 3.3  # m, from the tower's axis to the hub
 TILT = np.radians(5.0)
+HUB_HEIGHT = 84.0  # m, of the shaft on the tower's axis
 DAMPING = {"flap": 0.03882, "edge": 0.059}  # ratio of critical
 SPEED = 17.2 * 2 * np.pi / 60  # rad/s: of the paper's rotor, not of this turbine
 
