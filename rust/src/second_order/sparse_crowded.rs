@@ -13,7 +13,7 @@ use crate::linalg::krylov::{Options, Ritz, Space};
 use crate::linalg::sparse::Csc;
 use crate::run::{Cancel, Counts};
 use crate::tolerances::modes::PATIENCE;
-use crate::tolerances::sparse_modes::{PLAUSIBLE, SAME_VALUE};
+use crate::tolerances::sparse_modes::{BESIDE_CROWD, NEARLY_ROOT, PLAUSIBLE, SAME_VALUE};
 
 /// Roots beyond the wanted ones, among which a gap is looked for that a circle can pass.
 const SPARE: usize = 6;
@@ -118,9 +118,10 @@ impl Search<'_> {
             order.truncate(wanted + SPARE);
             let spread = order.iter().map(|k| (s[*k] - s[lowest]).norm()).fold(0.0, f64::max);
             start = Mat::from_fn(vectors.nrows(), order.len(), |i, j| vectors[(i, order[j])]);
-            // as far from the root as the others are, not on it: factors there would see nothing else
-            sigma = s[lowest] * (1.0 - (spread / s[lowest].norm()).clamp(SAME_VALUE, 0.5));
-            if off(lowest) <= PLAUSIBLE {
+            // beside the root, not on it: factors there would see nothing else
+            let size = s[lowest].norm();
+            sigma = s[lowest] * (1.0 - (BESIDE_CROWD * spread / size).clamp(SAME_VALUE, BESIDE_CROWD));
+            if off(lowest) <= NEARLY_ROOT {
                 break;
             }
         }

@@ -55,8 +55,13 @@ pub const COUNT_PANELS: usize = 400;
 /// Share of eps |K|/|M| by which the rounding of single entries usually moves a root, typical of chains (measured). Larger: estimates are
 /// pessimistic. Smaller: they are too small. Pinned by `test_estimates_over_random_chains`.
 pub const ENTRY_NOISE: f64 = 0.05;
-/// Residual of a Ritz pair, over its value, up to which it may be a root where a moving shift looks for the lowest one, and at which the
-/// shift no longer moves. Larger: the shift runs after rounding. Smaller: it stays away from roots that are close together, and factors for
-/// nothing. Not seen: the roots of rows of 500 and 900 masses with dampers, gyroscopes and circulation are the same at a hundredth and at a
-/// hundred times it.
+/// Residual of a Ritz pair, over its value, up to which it may be a root where a moving shift looks for the lowest one. Larger: the shift
+/// runs after rounding. Smaller: it stays away from roots that are close together. Not seen: the roots of rows of 500 and 900 masses with
+/// dampers, gyroscopes and circulation are the same at a hundredth and at a hundred times it.
 pub const PLAUSIBLE: f64 = 0.1;
+/// The same, at which the shift no longer moves. Larger: it stops too far from the roots. Smaller: factors without need. Pinned by
+/// `test_crowded_general_roots_of_a_twin_row`.
+pub const NEARLY_ROOT: f64 = 1e-4;
+/// Distance of a shift from the lowest of roots that are close together, over the extent of those seen. Larger: it sees fewer of them.
+/// Smaller: its factors see this one alone. Pinned by `test_crowded_general_roots_of_a_twin_row`.
+pub const BESIDE_CROWD: f64 = 0.01;

@@ -4,9 +4,10 @@
 //! its error allows; points within it are the first four of the history. Orders one to three behind every kink of a law would err more in
 //! their few steps than all others together.
 //!
-//! Motions that are differentiated begin with a point and its rates at order one. Fixed steps begin with four equal ones, by Radau's method
-//! or, without a tangent, in parts of order eight; so do steps without a tangent of models without kinks, since parts may be far shorter
-//! than steps of the method and differences of such short ones show the rounding of its equations.
+//! Stiff scenes, whose fast vibrations low orders damp, and motions that are differentiated begin with a point and its rates at order one.
+//! Fixed steps begin with four equal ones, by Radau's method or, without a tangent, in parts of order eight; so do steps without a tangent
+//! of models without kinks, since parts may be far shorter than steps of the method and differences of such short ones show the rounding
+//! of its equations.
 use super::differences::{Pair, backward_differences};
 use super::record::Origin;
 use super::start::Start;
@@ -111,10 +112,14 @@ impl Bdf {
         estimate: bool,
         counts: &mut Counts,
     ) -> Result<Option<Step>> {
-        if self.stiff.is_none() && !self.fixed && !self.corrector.per_unit_step() {
+        let is_first = self.stiff.is_none();
+        if is_first && !self.fixed && !self.corrector.per_unit_step() {
             self.stiff = Some(eq.is_stiff(from, self.time, counts)?);
         }
+        // orders one and two damp fast vibrations, which those above them would have to follow
+        let vibrates = is_first && self.stiff == Some(true);
         match &mut self.begin {
+            Begin::OneStep(_) if vibrates => self.begin_from_rates(eq, from, h),
             Begin::Rates => self.begin_from_rates(eq, from, h),
             Begin::OneStep(start) => {
                 let is_ready = self.points.len() > FIXED && self.points[FIXED].motion.t == from.motion.t;
