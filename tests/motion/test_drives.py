@@ -510,6 +510,7 @@ def test_steps_that_end_at_breaks_leave_no_gap(method):
     assert found == pytest.approx(exact, rel=2e-12)
 
 
+@pytest.mark.exact
 @pytest.mark.parametrize("method", ["generalized-alpha", "bdf"])
 def test_breaks_beside_the_grid_of_fixed_steps_are_on_it(method):
     """Steps of 12 where a thrust begins to rise beside the end of the seventh one, and where a second one does so behind it."""
