@@ -133,7 +133,7 @@ def condensed(n, omega):
     return complex(spring * part(n) / (part(n // 2) * part(n - n // 2 - 1)))
 
 
-@pytest.mark.slow
+@slow
 def test_a_row_of_which_rounding_leaves_six_digits_is_followed():
     """Its curve stopped after four points: steps of Newton's method stay at 1e-7, which is what rounding makes of the equations."""
     n = 100_000
@@ -149,7 +149,7 @@ def test_a_row_of_which_rounding_leaves_six_digits_is_followed():
         assert miss < 3 * curve.error[i] and curve.error[i] < 1e-5
 
 
-@pytest.mark.slow
+@slow
 def test_a_fine_beam_is_followed_without_stalling():
     few, force, middle = beam(100, law=0.2)
     many, fine_force, fine_middle = beam(5000, law=0.2)
@@ -162,7 +162,7 @@ def test_a_fine_beam_is_followed_without_stalling():
     assert at_the_end < 1e-3 and each < 6
 
 
-@pytest.mark.slow
+@slow
 def test_a_beam_divided_too_finely_is_refused():
     system, force, _ = beam(60_000)
     with pytest.raises(SingularError, match="too finely"):

@@ -75,6 +75,11 @@ def is_list(value: Any) -> bool:
     return isinstance(value, Iterable) and getattr(value, "ndim", 1) != 0
 
 
+def members(value: Any) -> list[Any]:
+    """What a list holds; nothing of a text, or of what is no list."""
+    return list(value) if is_list(value) and not isinstance(value, str) else []
+
+
 def choice(name: str, value: Any, known: Sequence[str]) -> str:
     """One of some words."""
     if not is_word(value, known):

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from .._lib.checks import is_list
+from .._lib.checks import members
 from .book import Book, Group, Item
 from .drives import coordinate_of, find_joint
 from .expressions import Program
@@ -141,7 +141,7 @@ def _restored(function: Any, derivatives: Any, d: Any, m: int, where: str, of_ve
 
 def _motions(book: Book, name: str, motions: Any) -> list[tuple[int, int]]:
     """(joint, coordinate) of each motion; motions of bodies and markers by a free joint to ground."""
-    wanted = list(motions) if is_list(motions) and not isinstance(motions, str) else []
+    wanted = members(motions)
     if not wanted:
         raise problem(
             f"{name}.motions", f"must be a list of motions such as ['bob.motion.x', 'hinge.rz'], got {shown(motions)}"

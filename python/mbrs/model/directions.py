@@ -199,13 +199,11 @@ def _require_derivatives(model: Book) -> None:
         if isinstance(law.body, FunctionCall):
             raise NotDifferentiableError(
                 f"the law of {shown(law.owner.name)} is a function with derivatives=, which has no derivatives by parameters; "
-                "give a function "
-                "that can be traced"
+                "give a function that can be traced"
             )
     for constraint in model.constraints:
         if isinstance(constraint.body, FunctionCall):
             raise NotDifferentiableError(
                 f"constraint {shown(constraint.name)} is given with derivatives=, which are not enough for derivatives by parameters; "
-                "give a "
-                "function that can be traced"
+                "give a function that can be traced"
             )

@@ -7,7 +7,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from .._lib.checks import is_list
+from .._lib.checks import members
 from .aliases import Laws
 from .book import Book
 from .forces import Element, bushing
@@ -50,7 +50,7 @@ def force_law(self: Book, name: str, law: Laws, motions: Sequence[Port | str]) -
     >>> m.force_law("film", mb.FunctionLaw(lambda t, u, v: -(1.0 + u @ u) * u), ["shaft.motion.y", "shaft.motion.z"]).name
     'film'
     """
-    wanted = list(motions) if is_list(motions) and not isinstance(motions, str) else []
+    wanted = members(motions)
     if not 1 <= len(wanted) <= len(SIX):
         raise problem(f"{name}.motions", f"must be a list of one to six motions of a body, got {shown(motions)}")
     ports = [as_port(self, motion) for motion in wanted]
