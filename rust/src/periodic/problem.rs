@@ -174,7 +174,7 @@ impl Problem {
         let entries = self.entry_sizes(|linear, w, out| linear.uncertain_sizes(w, out));
         let share = (self.linear.full_size() as f64).cbrt().recip();
         let of = |row: rows::Size| f64::EPSILON * (row.terms + share * row.grown);
-        rows::sizes(self, y, &entries).into_iter().map(of).collect()
+        rows::own_sizes(self, y, &entries).into_iter().map(of).collect()
     }
 
     /// Per element the largest coefficient of its force at the last evaluation.

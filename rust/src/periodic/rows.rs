@@ -18,9 +18,36 @@ pub struct Size {
 
 /// Of all rows, in the order of the residual, given the sizes of the entries of S per term.
 pub fn sizes(problem: &Problem, y: &[f64], entries: &[Vec<f64>]) -> Vec<Size> {
+    let amplitude = amplitudes(problem, y);
+    let mut by_term = sums(problem, &amplitude, entries);
+    add_natural_forces(problem, &amplitude, &mut by_term);
+    in_order(&by_term)
+}
+
+/// The same without natural forces: what rows are summed of.
+pub fn own_sizes(problem: &Problem, y: &[f64], entries: &[Vec<f64>]) -> Vec<Size> {
+    in_order(&sums(problem, &amplitudes(problem, y), entries))
+}
+
+/// The largest coefficient of each coordinate.
+fn amplitudes(problem: &Problem, y: &[f64]) -> Vec<f64> {
     let n = problem.n();
-    let amplitude: Vec<f64> =
-        (0..n).map(|i| y.iter().skip(i).step_by(n).fold(0.0_f64, |a, x| a.max(x.abs()))).collect();
+    (0..n).map(|i| y.iter().skip(i).step_by(n).fold(0.0_f64, |a, x| a.max(x.abs()))).collect()
+}
+
+/// The unknowns: the constant term, then cosine and sine of each harmonic.
+fn in_order(by_term: &[Vec<Size>]) -> Vec<Size> {
+    let mut out = by_term[0].clone();
+    for rows in &by_term[1..] {
+        out.extend_from_slice(rows);
+        out.extend_from_slice(rows);
+    }
+    out
+}
+
+/// Sizes of what rows are summed of, per term and coordinate.
+fn sums(problem: &Problem, amplitude: &[f64], entries: &[Vec<f64>]) -> Vec<Vec<Size>> {
+    let n = problem.n();
     let mut pushes = vec![0.0; n];
     for (direction, push) in problem.retained().iter().zip(problem.pushes()) {
         for &(i, w) in direction {
@@ -32,21 +59,14 @@ pub fn sizes(problem: &Problem, y: &[f64], entries: &[Vec<f64>]) -> Vec<Size> {
         let factor = problem.force_factor(j).0.abs();
         let row = |i: usize| {
             let s = &block.s[i * n..][..n];
-            let linear: f64 = s.iter().zip(&amplitude).map(|(s, a)| s.norm() * a).sum();
-            let grown: f64 = entries[j][i * n..][..n].iter().zip(&amplitude).map(|(size, a)| size * a).sum();
+            let linear: f64 = s.iter().zip(amplitude).map(|(s, a)| s.norm() * a).sum();
+            let grown: f64 = entries[j][i * n..][..n].iter().zip(amplitude).map(|(size, a)| size * a).sum();
             let terms = linear + pushes[i] + block.force[i].norm() * factor;
             Size { terms, grown, rounding: terms + grown }
         };
         by_term.push((0..n).map(row).collect());
     }
-    add_natural_forces(problem, &amplitude, &mut by_term);
-    // the order of the unknowns: the constant term, then cosine and sine of each harmonic
-    let mut out = by_term[0].clone();
-    for rows in &by_term[1..] {
-        out.extend_from_slice(rows);
-        out.extend_from_slice(rows);
-    }
-    out
+    by_term
 }
 
 fn add_natural_forces(problem: &Problem, amplitude: &[f64], by_term: &mut [Vec<Size>]) {
