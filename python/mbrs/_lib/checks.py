@@ -76,7 +76,7 @@ def is_list(value: Any) -> bool:
 
 
 def members(value: Any) -> list[Any]:
-    """What a list holds; nothing of a text, or of what is no list."""
+    """Members of a list; none of a text, or of what is not a list."""
     return list(value) if is_list(value) and not isinstance(value, str) else []
 
 
