@@ -113,11 +113,11 @@ from .model.expressions import Expression as Expression
 from .model.flexible import FlexibleBody as FlexibleBody
 from .model.forces import Element as Element
 from .model.forces import Load as Load
+from .model.function_law import FunctionLaw as FunctionLaw
 from .model.joint import Joint as Joint
 from .model.laws import BoucWen as BoucWen
 from .model.laws import CoulombTanh as CoulombTanh
 from .model.laws import Cubic as Cubic
-from .model.laws import FunctionLaw as FunctionLaw
 from .model.laws import Gap as Gap
 from .model.laws import Hertz as Hertz
 from .model.laws import Iwan as Iwan

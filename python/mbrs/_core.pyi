@@ -49,6 +49,7 @@ __all__ = [
     "directions",
     "eigen_sensitivities",
     "induced_velocity",
+    "law_at_rest",
     "law_force",
     "law_relaxations",
     "missed_resonances",
@@ -295,6 +296,7 @@ def law_force(
     code: int, values: list[float], u: NDArray[np.float64], v: NDArray[np.float64]
 ) -> NDArray[np.float64]: ...
 def law_relaxations(code: int, values: list[float], u: float) -> list[tuple[float, float]]: ...
+def law_at_rest(code: int, values: list[float], u: float, memory: list[float]) -> tuple[list[float], float]: ...
 
 @final
 class Program:
@@ -307,15 +309,11 @@ class Program:
 class HbmElements:
     def __new__(
         cls,
-        code: list[int],
-        count: list[int],
-        values: list[float],
-        functions: list[Any],
-        start: list[int],
-        index: list[int],
-        weight: list[float],
+        parts: Sequence[Any],
     ) -> HbmElements: ...
-    def slopes(self, element: int, phase: float, u: float, v: float) -> list[float]: ...
+    def slopes(
+        self, element: int, phase: float, u: Sequence[float], v: Sequence[float]
+    ) -> tuple[list[float], list[float], list[float]]: ...
 
 @final
 class HbmLinear:

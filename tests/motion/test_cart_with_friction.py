@@ -255,13 +255,10 @@ def test_shifted_laws_are_the_law_less_its_value(law):
     assert np.max(np.abs(total - (law.force(u0 + u, v) - law.force(u0)))) < 1e-14
 
 
-@pytest.mark.parametrize(
-    "law", [mb.Jenkins(3.0, 0.2), mb.Iwan([3.0], [0.2]), mb.VanDerPol(1.0), mb.VaryingStiffness(1.0)]
-)
-def test_laws_that_cannot_be_displaced_are_refused(law):
+def test_a_varying_stiffness_cannot_be_displaced():
     m = mb.Model("hung", gravity=(0, 0, -9.81))
     b = m.body("b", mass=1.0, inertia=(1, 1, 1))
-    m.prismatic("rail", m.ground, b, at=(0, 0, 0), axis="z", k=100.0, law=law)
+    m.prismatic("rail", m.ground, b, at=(0, 0, 0), axis="z", k=100.0, law=mb.VaryingStiffness(1.0))
     with pytest.raises(ModelError, match="'rail' is displaced"):
         nonlinear_system(m, at=mb.equilibrium(m))
 

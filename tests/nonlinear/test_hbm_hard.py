@@ -7,7 +7,8 @@ import pytest
 import scipy.sparse as sp
 from mbrs.errors import ConvergenceError, MbrsWarning, ModelError
 from mbrs.linear.matrices import MechanicalSystem
-from mbrs.model.laws import Cubic, FunctionLaw, Gap, Jenkins
+from mbrs.model.function_law import FunctionLaw
+from mbrs.model.laws import Cubic, Gap, Jenkins
 from mbrs.nonlinear.frequency_response import frequency_response
 from mbrs.nonlinear.periodic import harmonic_balance
 from mbrs.nonlinear.quasi_periodic import quasi_periodic

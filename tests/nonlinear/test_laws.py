@@ -42,17 +42,17 @@ def test_slopes_equal_the_reference(law):
     rng = np.random.default_rng(2)
     u, v = rng.uniform(-1.5, 1.5, 20), rng.uniform(-1.5, 1.5, 20)
     core = balance.core_elements([law], [np.ones(1)])
-    found = np.array([core.slopes(0, 0.0, x, y) for x, y in zip(u, v, strict=True)]).T
+    found = np.array([np.concatenate(core.slopes(0, 0.0, [x], [y])) for x, y in zip(u, v, strict=True)]).T
     assert np.allclose(found, hbm_balance.sampled(law, u, v, np.zeros(20)), rtol=1e-12, atol=1e-12)
     with pytest.raises(ModelError, match="element 1"), core_errors():
-        core.slopes(1, 0.0, 0.0, 0.0)
+        core.slopes(1, 0.0, [0.0], [0.0])
 
 
 def test_slopes_follow_the_phase():
     law = laws.VaryingStiffness(2.0, 3, 0.4)
     core = balance.core_elements([law], [np.ones(1)])
     k = 2.0 * np.cos(3 * 0.7 + 0.4)
-    assert np.allclose(core.slopes(0, 0.7, 0.3, 9.0), [0.3 * k, k, 0.0], rtol=1e-14)
+    assert np.allclose(np.concatenate(core.slopes(0, 0.7, [0.3], [9.0])), [0.3 * k, k, 0.0], rtol=1e-14)
 
 
 @pytest.mark.parametrize("law", [laws.Jenkins(2.0, 0.4), laws.Iwan([2.0, 1.0, 0.5], [0.4, 1.2, 0.1])], ids=repr)

@@ -151,7 +151,7 @@ _OTHERS = {
     "quasi_periodic_response": "nonlinear.quasi_periodic_curves",
     "parameter_response": "nonlinear.parameter_response",
     "nonlinear_system": "nonlinear.system",
-    "FunctionLaw": "model.laws",
+    "FunctionLaw": "model.function_law",
     "Box": "model.shapes",
     "Cylinder": "model.shapes",
     "Sphere": "model.shapes",

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from .._lib.aliases import Matrix
-    from ..model.laws import Law
+    from ..model.law import Law
 
 
 # Effects of a system that is given by matrices, and the matrices that hold them.

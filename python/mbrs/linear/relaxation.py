@@ -40,7 +40,8 @@ _EQUAL = 1e-9
 
 @dataclass(frozen=True)
 class LawPlace:
-    """A law at a state: its place in the Tables, its direction (dof,), displacement and rate, and the object it is on."""
+    """A law at a state: its place in the Tables, its direction (dof,), displacement and rate, the places of its sliders (empty:
+    centred), and the object it is on."""
 
     index: int
     code: int
@@ -48,6 +49,7 @@ class LawPlace:
     direction: np.ndarray
     u: float
     v: float
+    memory: np.ndarray
     name: str
 
 
@@ -100,7 +102,7 @@ def law_places(lin: Any) -> Iterator[LawPlace]:
     """Every law that acts in a linearisation."""
     t = tables(lin.model)
     places = lin.snapshot.system.law_places(lin.state.q, lin.state.rate)
-    for start, a, b, point, gradient, u, v in places:
+    for start, a, b, point, gradient, u, v, first in places:
         i = int(np.flatnonzero(t["law_x"] == start)[0])
         code, n = int(t["law_type"][i]), int(t["law_n"][i])
         if LAW_OF_CODE[code].effect in lin.without:
@@ -108,7 +110,9 @@ def law_places(lin: Any) -> Iterator[LawPlace]:
         kind = "joint" if t["law_owner_kind"][i] else "element"
         name = t[f"{kind}_name"][int(t["law_owner"][i])]
         w = gradient @ (_twist(lin, b, point) - _twist(lin, a, point))
-        yield LawPlace(i, code, t["x"][start : start + n], w, u, v, f"{kind} {name!r}")
+        # two numbers for each slider
+        memory = lin.state.memory[first : first + n // 2] if LAW_OF_CODE[code].state == "map" else lin.state.memory[:0]
+        yield LawPlace(i, code, t["x"][start : start + n], w, u, v, memory, f"{kind} {name!r}")
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from .._lib.checks import members
 from .aliases import Laws
 from .book import Book
 from .forces import Element, bushing
-from .laws import FunctionLaw
+from .function_law import FunctionLaw
 from .names import problem, shown
 from .ports import Port, as_port
 from .schema import SIX

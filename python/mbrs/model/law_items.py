@@ -8,7 +8,7 @@ from typing import Any
 from .._lib.checks import is_list
 from .book import Group, Item
 from .function_calls import FunctionCall
-from .laws import FunctionLaw
+from .function_law import FunctionLaw
 from .names import problem, shown
 from .numbers import Number, scalar
 from .schema import LAW_OF_CODE

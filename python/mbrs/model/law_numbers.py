@@ -56,3 +56,13 @@ def direction(law: str, w: Any) -> np.ndarray:
         raise ModelError(f"{law}: w is zero: the element would act on nothing; name the coordinate it works on")
     made.setflags(write=False)
     return made
+
+
+def directions(law: str, w: Any) -> np.ndarray:
+    """Directions (m, n) of m coordinates, none of which is zero, read only."""
+    w = w.toarray() if hasattr(w, "toarray") else w
+    made = real_array(f"{law}: w", w, ("m", "n"), "give one row for each coordinate of the law")
+    for row in made:
+        direction(law, row)
+    made.setflags(write=False)
+    return made

@@ -10,80 +10,22 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
+from dataclasses import dataclass
 from math import comb
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .._lib.checks import count, flag, shown
+from .._lib.checks import count, flag
 from ..errors import ModelError
-from .expressions import Program
-from .law_numbers import direction, is_plain, number, positive, scalar, sequence
-from .schema import FUNCTION_LAW, LAWS, LawKind
-from .tracing import trace
+from .function_law import FunctionLaw
+from .law import Law
+from .law_numbers import is_plain, positive, scalar, sequence
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from numpy.typing import ArrayLike
 
     from .aliases import Scalar, Vector
-
-
-class Law:
-    """Base of all laws.
-
-    ``code`` and ``values`` are what the core reads: the kind of law and its numbers. ``w`` is the direction (n,) or
-    None. ``kind`` tells what its force depends on.
-    """
-
-    code: int = -1
-    kind: LawKind = LawKind("", (), "", smooth=False)
-
-    def __init_subclass__(cls) -> None:
-        cls.kind = FUNCTION_LAW if cls.__name__ == FUNCTION_LAW.name else LAWS.get(cls.__name__, cls.kind)
-        cls.code = cls.kind.codes[0] if cls.kind.codes else -1
-
-    @property
-    def has_memory(self) -> bool:
-        """True if the force depends on what happened before."""
-        return self.kind.state != ""
-
-    @property
-    def uses_rate(self) -> bool:
-        """True if the force depends on the rate u'."""
-        return self.code in self.kind.rate_codes
-
-    def __init__(self, values: Sequence[Any], w: ArrayLike | None = None) -> None:
-        self.values: tuple[Any, ...] = tuple(values)
-        for value in self.values:
-            if is_plain(value) and not np.isfinite(float(value)):
-                raise ModelError(f"{type(self).__name__}: {value} among its numbers; all must be finite")
-        self.w: np.ndarray | None = None if w is None else direction(type(self).__name__, w)
-
-    def moved(self, u0: float) -> list[Law] | None:
-        """Laws that together are force(u0 + u), but for a constant; None where no known laws are.
-
-        Exact for polynomials, stops, contact and tables, whose numbers move; rate laws do not see u0.
-        """
-        return None
-
-    def numbers(self) -> list[float]:
-        """The numbers at the present values of the parameters."""
-        return [number(value) for value in self.values]
-
-    def force(self, u: ArrayLike, v: ArrayLike = 0.0) -> np.ndarray:
-        """Force for displacements ``u`` and rates ``v`` (arrays that broadcast); a law with sliders takes them as a
-        history, and one whose state has a rate is at rest in each."""
-        from .. import _core
-
-        u, v = np.broadcast_arrays(np.asarray(u, float), np.asarray(v, float))
-        return _core.law_force(self.code, self.numbers(), u.ravel(), v.ravel()).reshape(u.shape)
-
-    def __repr__(self) -> str:
-        numbers = ", ".join(f"{v:g}" if is_plain(v) else str(v) for v in self.values)
-        where = "" if self.w is None else f", w={np.array2string(self.w, threshold=6, separator=', ')}"
-        return f"{type(self).__name__}({numbers}{where})"
 
 
 class Cubic(Law):
@@ -106,7 +48,7 @@ class Cubic(Law):
     def __init__(self, k3: Scalar, w: ArrayLike | None = None) -> None:
         super().__init__((scalar("Cubic", "k3", k3),), w)
 
-    def moved(self, u0: float) -> list[Law] | None:
+    def moved(self, u0: float, states: Sequence[float] = ()) -> list[Law] | None:
         return [Polynomial1D(_moved_polynomial([0.0, 0.0, 0.0, *self.numbers()], u0), w=self.w)]
 
 
@@ -133,7 +75,7 @@ class Polynomial1D(Law):
         self.code = self.kind.codes[1]
         super().__init__([*c, *[0.0] * (n - len(c)), *d, *[0.0] * (n - len(d))], w)
 
-    def moved(self, u0: float) -> list[Law] | None:
+    def moved(self, u0: float, states: Sequence[float] = ()) -> list[Law] | None:
         numbers = self.numbers()
         if not self.uses_rate:
             return [Polynomial1D(_moved_polynomial(numbers, u0), w=self.w)]
@@ -176,7 +118,7 @@ class Gap(Law):
         self.code = self.kind.codes[bilateral]
         super().__init__((k, gap, smoothing), w)
 
-    def moved(self, u0: float) -> list[Law] | None:
+    def moved(self, u0: float, states: Sequence[float] = ()) -> list[Law] | None:
         k, gap, smoothing = self.numbers()
         one = Gap(k, gap - u0, smoothing, w=self.w)
         if self.code == self.kind.codes[0]:
@@ -202,7 +144,7 @@ class CoulombTanh(Law):
         v_ref = positive("CoulombTanh", "v_ref", v_ref)
         super().__init__((scalar("CoulombTanh", "force_limit", force_limit), v_ref), w)
 
-    def moved(self, u0: float) -> list[Law] | None:
+    def moved(self, u0: float, states: Sequence[float] = ()) -> list[Law] | None:
         return [self]
 
 
@@ -231,7 +173,7 @@ class Hertz(Law):
             raise ModelError(f"Hertz: the exponent must exceed 1, it is {exponent}; Gap is the linear contact")
         super().__init__((scalar("Hertz", "k", k), exponent, scalar("Hertz", "gap", gap)), w)
 
-    def moved(self, u0: float) -> list[Law] | None:
+    def moved(self, u0: float, states: Sequence[float] = ()) -> list[Law] | None:
         k, exponent, gap = self.numbers()
         return [Hertz(k, exponent, gap - u0, w=self.w)]
 
@@ -261,7 +203,7 @@ class TableLaw(Law):
             raise ModelError("TableLaw: u must ascend strictly; sort the table and join equal points")
         super().__init__([*x, *y], w)
 
-    def moved(self, u0: float) -> list[Law] | None:
+    def moved(self, u0: float, states: Sequence[float] = ()) -> list[Law] | None:
         numbers = self.numbers()
         half = len(numbers) // 2
         return [TableLaw([u - u0 for u in numbers[:half]], numbers[half:], w=self.w)]
@@ -280,6 +222,21 @@ class VanDerPol(Law):
 
     def __init__(self, mu: Scalar, w: ArrayLike | None = None) -> None:
         super().__init__((scalar("VanDerPol", "mu", mu),), w)
+
+    def moved(self, u0: float, states: Sequence[float] = ()) -> list[Law] | None:
+        (mu,) = self.numbers()
+        return [FunctionLaw(_Displaced(mu, u0), w=self.w)]
+
+
+@dataclass(frozen=True)
+class _Displaced:
+    """Van der Pol's law seen from u0."""
+
+    mu: float
+    u0: float
+
+    def __call__(self, t: Any, u: Any, v: Any) -> Any:
+        return self.mu * (self.u0 + u) ** 2 * v
 
 
 class Jenkins(Law):
@@ -303,6 +260,10 @@ class Jenkins(Law):
     def __init__(self, k: Scalar, f_slip: Scalar, w: ArrayLike | None = None) -> None:
         super().__init__((positive("Jenkins", "k", k), positive("Jenkins", "f_slip", f_slip)), w)
 
+    def moved(self, u0: float, states: Sequence[float] = ()) -> list[Law] | None:
+        # the places of the sliders are counted from u0 as well
+        return self._starting(u0, [z - u0 for z in states])
+
 
 class Iwan(Law):
     """Parallel Jenkins elements (the model of Iwan): force = sum_i k_i (u - z_i), each within +-f_i.
@@ -321,6 +282,10 @@ class Iwan(Law):
             raise ModelError(f"Iwan: {len(ks)} stiffnesses but {len(fs)} slip forces")
         pairs = [(positive("Iwan", "k", k), positive("Iwan", "f_slip", f)) for k, f in zip(ks, fs, strict=True)]
         super().__init__([number for pair in pairs for number in pair], w)
+
+    def moved(self, u0: float, states: Sequence[float] = ()) -> list[Law] | None:
+        # the places of the sliders are counted from u0 as well
+        return self._starting(u0, [z - u0 for z in states])
 
 
 class VaryingStiffness(Law):
@@ -369,8 +334,8 @@ class Maxwell(Law):
         pairs = [(positive("Maxwell", "k", a), positive("Maxwell", "tau", b)) for a, b in zip(ks, taus, strict=True)]
         super().__init__([number for pair in pairs for number in pair], w)
 
-    def moved(self, u0: float) -> list[Law] | None:
-        # at rest the dashpots have followed
+    def moved(self, u0: float, states: Sequence[float] = ()) -> list[Law] | None:
+        # at rest the dashpots have followed: z = u0
         return [self]
 
 
@@ -417,6 +382,10 @@ class BoucWen(Law):
                 f"BoucWen: beta must be positive and not below abs(gamma), otherwise cycles make energy; they are {beta} and {gamma}"
             )
         super().__init__((k, alpha, beta, gamma, n), w)
+
+    def moved(self, u0: float, states: Sequence[float] = ()) -> list[Law] | None:
+        # what moves sees the rate alone
+        return self._starting(u0, states)
 
 
 class LuGre(Law):
@@ -465,107 +434,9 @@ class LuGre(Law):
             raise ModelError(f"LuGre: the breakaway force f_s must not be below f_c, they are {f_s} and {f_c}")
         super().__init__((f_c, f_s, v_s, s0, s1, s2), w)
 
-
-class FunctionLaw(Law):
-    """A law given as a Python function of time, displacements and rates: force = f(t, u, v).
-
-    As ``law=`` of a joint or an element it resists, as all laws do. On one coordinate u, v and the force are numbers; on m coordinates
-    (all of a bushing, or those named: ``law={("y", "z"): mb.FunctionLaw(f)}``) they are arrays (m,), and the slopes dF_i/du_j and
-    dF_i/dv_j need not be symmetric.
-
-    The function is called once with symbols; the program that comes out runs in the core with exact first and second derivatives, in
-    every analysis. Parameters of the model that it uses stay parameters. It may use arithmetic, NumPy's functions, ``np.where``,
-    ``np.maximum``, ``np.minimum``, comparisons, ``&``, ``|`` and ``~``, but neither ``if`` on a symbol nor `math`. At a kink the slope
-    is that of one side; at zero the slopes of sqrt, cbrt and hypot count as zero.
-
-    Parameters
-    ----------
-    function
-        ``function(t, u, v)``; t in s. Harmonic balance refuses a function of t.
-    derivatives
-        ``derivatives(t, u, v) -> (dF_du, dF_dv)``, numbers or (m, m). With them the function is not traced but called by every
-        evaluation: the slow path, for `mb.equilibrium`, `mb.linearize`, `mb.modes`, `mb.frf` and `mb.simulate`, and with arrays of
-        samples for u and v (and t not a number) in harmonic balance of a `MechanicalSystem`; refused by derivatives by parameters.
-    w
-        Direction (n,) of u = w . x, for `MechanicalSystem`.
-
-    Notes
-    -----
-    A traced function is saved as text; the slow path needs functions that can be imported by name.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from mbrs.model.laws import FunctionLaw
-    >>> float(FunctionLaw(lambda t, u, v: np.sinh(u)).force(1.0))
-    1.1752011936438014
-    """
-
-    def __init__(
-        self,
-        function: Callable[[float, np.ndarray, np.ndarray], Any],
-        derivatives: Callable[..., Any] | None = None,
-        w: ArrayLike | None = None,
-    ) -> None:
-        for name, value in (("function", function), ("derivatives", derivatives)):
-            if not callable(value) and (name == "function" or value is not None):
-                raise ModelError(f"FunctionLaw: {name} must be callable with (t, u, v), it is {shown(value)}")
-        self.function, self.derivatives = function, derivatives
-        super().__init__((), w)
-
-    @property
-    def uses_rate(self) -> bool:
-        """Not known before the function is traced; True covers both."""
-        return True
-
-    def force(self, u: ArrayLike, v: ArrayLike = 0.0, t: float = 0.0) -> np.ndarray:
-        """Force for displacements ``u`` and rates ``v``, arrays that broadcast, by calling the function."""
-        u, v = np.broadcast_arrays(np.asarray(u, float), np.asarray(v, float))
-        return self._shaped("function", self._called("function", t, u, v), u.shape)
-
-    def _called(self, name: str, t: float, u: np.ndarray, v: np.ndarray) -> Any:
-        """Value of the function or its derivatives; its exceptions come out unchanged, with a note."""
-        try:
-            return getattr(self, name)(t, u, v)
-        except BaseException as raised:
-            raised.add_note(f"raised by the {name} of {self!r}")
-            raise
-
-    def traced(self, m: int, where: str) -> tuple[Program, list[Any]]:
-        """The program of the function on ``m`` coordinates, 0 for numbers, and the expressions that it uses."""
-        return trace(self.function, m, max(m, 1), where)
-
-    def body(self, where: str) -> tuple[Any, list[float]]:
-        """The program (nodes, roots, None) that the core samples on one coordinate, or `sampled`, and its numbers."""
-        if self.derivatives is not None:
-            return self.sampled, []
-        program, numbers = self.traced(0, where)
-        if any(program.core.uses()[:1]):
-            raise ModelError(
-                f"{where}: {self!r} depends on the time t, which harmonic balance does not know; mb.VaryingStiffness "
-                "follows the phase"
-            )
-        return (program.nodes, program.roots, None), [number(v) for v in numbers]
-
-    def sampled(self, u: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Force, df/du and df/dv at samples."""
-        force = self.force(u, v, np.nan)
-        slopes = self._called("derivatives", np.nan, u, v)
-        if not isinstance(slopes, tuple | list) or len(slopes) != 2:
-            raise ModelError("FunctionLaw: derivatives must return (dF_du, dF_dv)")
-        f_u, f_v = (self._shaped("derivatives", slope, u.shape) for slope in slopes)
-        return force, f_u, f_v
-
-    @staticmethod
-    def _shaped(name: str, value: Any, shape: tuple[int, ...]) -> np.ndarray:
-        array = np.asarray(value, dtype=float)
-        if array.shape not in ((), shape):
-            raise ModelError(f"FunctionLaw: {name} returned the shape {array.shape} for samples of the shape {shape}")
-        return np.array(np.broadcast_to(array, shape))
-
-    def __repr__(self) -> str:
-        where = "" if self.w is None else f", w={np.array2string(self.w, threshold=6, separator=', ')}"
-        return f"FunctionLaw({getattr(self.function, '__name__', self.function)}{where})"
+    def moved(self, u0: float, states: Sequence[float] = ()) -> list[Law] | None:
+        # what moves sees the rate alone
+        return self._starting(u0, states)
 
 
 def _moved_polynomial(c: Sequence[float], u0: float) -> list[float]:

@@ -17,8 +17,9 @@ from ..flexible import ModalBody
 from ..linear.linear_system import directions
 from ..linear.matrices import MechanicalSystem, dense
 from ..linear.response import ResponseResult
+from ..model.function_law import FunctionLaw
 from ..model.law_items import SavedLaw
-from ..model.laws import FunctionLaw, Polynomial1D, VaryingStiffness
+from ..model.laws import Polynomial1D, VaryingStiffness
 from ..model.model import Model
 from ..results import Stats
 from ..system.snapshot import Snapshot
@@ -27,6 +28,7 @@ from .options import DEFAULT
 from .trajectory import Trajectory
 
 _BODY, _HELD = "x", "held"
+_AXES = ("x", "y", "z")
 # the run that finds out how large the motion is
 _COARSE = 1e-3
 # runs in search of the size of the motion
@@ -63,14 +65,25 @@ class _Scene:
         zero = np.zeros((n, n))
         parts = [zero if a is None else dense(a) for a in (system.K, system.N, system.C, system.G)]
         stiffness, damping = parts[0] + parts[1], parts[2] + parts[3]
-        # (w, law on u = w . x) and (plane (2, n), law on both)
+        # (w, law on u = w . x) and (directions (m, n), law on all of them)
         self.lines: list[tuple[np.ndarray, Any]] = []
-        self.planes: list[tuple[np.ndarray, Any]] = []
+        self.joined: list[tuple[np.ndarray, Any]] = []
         self.K = self._passive(stiffness, lambda k: Polynomial1D([0.0, k]), _circulatory)
         self.C = self._passive(damping, lambda c: Polynomial1D([0.0, 0.0], velocity=[0.0, c]), _gyroscopic)
         for i, law in enumerate(system.elements):
-            self.lines.append((np.asarray(law.w, dtype=float), _free_law(law, f"elements[{i}]")))
+            self._element(law, f"elements[{i}]")
         self.loads = list(_loads(loads, system.coordinates))
+
+    def _element(self, law: Any, where: str) -> None:
+        w, free = np.asarray(law.w, dtype=float), _free_law(law, where)
+        if w.ndim == 1:
+            self.lines.append((w, free))
+        elif len(w) > len(_AXES):
+            raise ModelError(
+                f"{where}, {law!r} acts on {len(w)} coordinates; a motion of matrices takes laws of up to {len(_AXES)}: make a Model"
+            )
+        else:
+            self.joined.append((w, free))
 
     def _passive(self, A: np.ndarray, line: Any, plane: Any) -> np.ndarray:
         """The positive semidefinite part of A; what remains becomes elements."""
@@ -80,7 +93,7 @@ class _Scene:
             if value < 0.0:
                 symmetric = symmetric - value * np.outer(w, w)
                 self.lines.append((w, line(float(value))))
-        self.planes += [(axes, plane(s)) for s, axes in _rotations(0.5 * (A - A.T))]
+        self.joined += [(axes, plane(s)) for s, axes in _rotations(0.5 * (A - A.T))]
         passive: np.ndarray = 0.5 * (symmetric + symmetric.T)
         return passive
 
@@ -94,11 +107,11 @@ class _Scene:
     def model(self, size: float) -> Model:
         """The model whose tolerances belong to a motion of this size, sqrt(kg) m: the mass of the held body sets them."""
         n = len(self.M)
-        shapes = [np.zeros((2, n))] + [np.vstack([w, 0.0 * w]) for w, _ in self.lines]
-        shapes += [axes for axes, _ in self.planes] + [np.vstack([w, 0.0 * w]) for w, _ in self.loads]
+        shapes = [np.zeros((1, n)), *(np.atleast_2d(w) for w, _ in [*self.lines, *self.joined, *self.loads])]
         nodes = (_HELD, *(f"n{i}" for i in range(1, len(shapes))))
         node_shape = np.zeros((len(shapes), 6, n))
-        node_shape[:, :2] = shapes
+        for own, shape in zip(node_shape, shapes, strict=True):
+            own[: len(shape)] = shape
         P2 = np.zeros((n, n, 3, 3))
         P2[:, :, 0, 0] = self.M
         body = ModalBody(
@@ -122,9 +135,9 @@ class _Scene:
         for _, law in self.lines:
             node = next(at)
             m.bushing(f"e{node}", m.ground, carrier.node(node), at=origin, law={"x": law})
-        for _, law in self.planes:
+        for w, law in self.joined:
             node = next(at)
-            m.bushing(f"e{node}", m.ground, carrier.node(node), at=origin, law={("x", "y"): law})
+            m.bushing(f"e{node}", m.ground, carrier.node(node), at=origin, law={_AXES[: len(w)]: law})
         for _, load in self.loads:
             node = next(at)
             m.force(f"f{node}", carrier.node(node), value=(load, 0.0, 0.0))
@@ -245,6 +258,8 @@ def _free_law(law: Any, where: str) -> Any:
             f"{where}, {law!r}: a motion has no phase of an excitation that it could follow; give "
             "mb.FunctionLaw(lambda t, u, v: k * np.cos(order * omega * t + phase) * u, w=...)"
         )
+    if law.start:
+        raise ModelError(f"{where}, {law!r} starts from a strained state of a model: simulate the model itself")
     if isinstance(law, FunctionLaw):
         if not hasattr(law, "function"):
             raise ModelError(f"{where}, {law!r} belongs to a model: simulate the model itself")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, cast
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 
@@ -13,7 +13,8 @@ from .._lib import checks
 from .._lib.border import core_errors, require_memory
 from .._lib.checks import shown
 from ..errors import ModelError, SingularError
-from ..model.laws import FunctionLaw, Law
+from ..model.function_law import FunctionLaw
+from ..model.law import Law
 from . import condensation
 from .options import Fourier
 
@@ -297,10 +298,9 @@ def checked_system(system: Any) -> tuple[Law, ...]:
             raise ModelError(f"elements[{i}] must be a law such as mb.Cubic(k3, w=[...]), it is {shown(law)}")
         if law.w is None:
             raise ModelError(f"elements[{i}], {law!r}, has no direction; give w (n,) with u = w . x")
-        if law.w.size != system.n:
-            raise ModelError(
-                f"elements[{i}], {law!r}: w has {law.w.size} entries but the system {system.n} coordinates"
-            )
+        entries = law.directions.shape[1]
+        if entries != system.n:
+            raise ModelError(f"elements[{i}], {law!r}: w has {entries} entries but the system {system.n} coordinates")
         numbers = law.numbers()
         if not np.all(np.isfinite(numbers)):
             raise ModelError(f"elements[{i}], {law!r}: its numbers are {numbers}; all must be finite")
@@ -390,22 +390,28 @@ def force_vector(n: int, vector: Any, h: int) -> np.ndarray:
     return checks.complex_array(f"force of harmonic {h}", vector, (n,), "give one number for each coordinate")
 
 
+class CoreElement(NamedTuple):
+    """An element as the core reads it: a law by code and numbers, or by a function, with its states at rest and, for each of its
+    coordinates, index and weight of the direction."""
+
+    code: int
+    numbers: list[float]
+    function: Any
+    start: list[float]
+    directions: list[tuple[list[int], list[float]]]
+
+
 def core_elements(laws: Sequence[Law], directions: Sequence[np.ndarray]) -> Any:
-    """Laws and sparse directions as the core wants them."""
-    functions = [law.body(f"elements[{i}]") if isinstance(law, FunctionLaw) else None for i, law in enumerate(laws)]
-    numbers = [law.numbers() if f is None else f[1] for law, f in zip(laws, functions, strict=True)]
-    index = [np.flatnonzero(w) for w in directions]
-    weight = [w[i] for w, i in zip(directions, index, strict=True)]
-    start = np.concatenate([[0], np.cumsum([len(i) for i in index], dtype=int)])
-    return _core.HbmElements(
-        [law.code for law in laws],
-        [len(v) for v in numbers],
-        [x for v in numbers for x in v],
-        [None if f is None else f[0] for f in functions],
-        [int(i) for i in start],
-        [int(i) for part in index for i in part],
-        [float(x) for part in weight for x in part],
-    )
+    """Laws, and the directions of the coordinates of one after the other, as the core wants them."""
+    rest = iter(directions)
+    parts = []
+    for i, law in enumerate(laws):
+        function, numbers = law.body(f"elements[{i}]") if isinstance(law, FunctionLaw) else (None, law.numbers())
+        own = [next(rest) for _ in law.directions]
+        touched = [np.flatnonzero(w) for w in own]
+        sparse = [(index.tolist(), w[index].tolist()) for w, index in zip(own, touched, strict=True)]
+        parts.append(CoreElement(law.code, numbers, function, list(law.start), sparse))
+    return call_core(_core.HbmElements, parts)
 
 
 def one_frequency(omega: Any, frequency: Any) -> Any:

@@ -12,7 +12,7 @@ import numpy as np
 from .. import _core
 from .._lib import checks
 from ..errors import ModelError
-from ..model.laws import Law
+from ..model.law import Law
 
 FULL_UNKNOWNS = 6000
 MODAL_COORDINATES = 1500
@@ -59,7 +59,7 @@ def linear_part(
     if not isinstance(condense, bool | str) or (isinstance(condense, str) and condense not in ROUTES):
         given = checks.shown(condense)
         raise ModelError(f'condense must be True, False, "auto", "modal" or "sparse", it is {given}')
-    directions = tuple(np.asarray(law.w) for law in laws)
+    directions = tuple(w for law in laws for w in law.directions)
     touched = np.flatnonzero(np.any([w != 0 for w in directions], axis=0)) if directions else np.zeros(0, int)
     small = system.n * n_c <= WORTH_CONDENSING
     if condense is False or (condense == "auto" and small):

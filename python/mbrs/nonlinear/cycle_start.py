@@ -80,11 +80,12 @@ def equilibrium(setup: Any, n: int) -> np.ndarray:
 def tangent(system: Any, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """M, C, K with the slopes of the laws at rest in x; those of laws with memory by the rate are left out."""
     M, C, K = (A.copy() for A in condensation.dense(system))
-    core = balance.core_elements(system.elements, [law.w for law in system.elements])
+    core = balance.core_elements(system.elements, [w for law in system.elements for w in law.directions])
     for i, law in enumerate(system.elements):
-        _, k, c = core.slopes(i, 0.0, float(law.w @ x), 0.0)
-        K += k * np.outer(law.w, law.w)
-        C += (0.0 if law.has_memory else c) * np.outer(law.w, law.w)
+        W = law.directions
+        _, k, c = (np.array(a) for a in core.slopes(i, 0.0, W @ x, np.zeros(len(W))))
+        K += W.T @ k.reshape(len(W), -1) @ W
+        C += 0.0 if law.has_memory else W.T @ c.reshape(len(W), -1) @ W
     return M, C, K
 
 

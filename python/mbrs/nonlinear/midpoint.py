@@ -7,6 +7,7 @@ so that its error has even powers of the step (Hairer, Lubich, Wanner, Geometric
 from __future__ import annotations
 
 import functools
+import itertools
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -40,7 +41,8 @@ class Slider:
 def sliders_of(law: Any, history: np.ndarray) -> list[Slider]:
     """The sliders of a law after two passes through one period of its displacement, where they repeat themselves."""
     numbers = law.numbers()
-    out = [Slider(k, slip) for k, slip in zip(numbers[0::2], numbers[1::2], strict=True)]
+    start = law.start or [0.0] * (len(numbers) // 2)
+    out = [Slider(k, slip, z) for k, slip, z in zip(numbers[0::2], numbers[1::2], start, strict=True)]
     for slider in out:
         for u in np.tile(history, 2):
             slider.move(float(u))
@@ -48,24 +50,26 @@ def sliders_of(law: Any, history: np.ndarray) -> list[Slider]:
 
 
 class Element:
-    """A law along its direction, with its memory; ``slopes`` (phase, u, v) gives force, df/du and df/dv of laws without."""
+    """A law along its directions, with its memory; ``slopes`` (phase, u, v) gives forces, df/du and df/dv of laws without, on ``own``,
+    its places among the displacements of all."""
 
-    def __init__(self, law: Any, slopes: Callable[[float, float, float], Sequence[float]], history: np.ndarray) -> None:
-        self.slopes = slopes
+    def __init__(self, law: Any, slopes: Callable[..., Sequence[Any]], history: np.ndarray, own: slice) -> None:
+        self.slopes, self.own = slopes, own
         self.sliders = sliders_of(law, history) if law.has_memory else []
 
-    def force(self, u: float, v: float, phase: float) -> tuple[float, float, float]:
-        """Force, df/du and df/dv."""
+    def force(self, u: np.ndarray, v: np.ndarray, phase: float) -> tuple[Any, Any, Any]:
+        """Forces (m,), df/du and df/dv (m, m)."""
         if self.sliders:
-            parts = [slider.force(u) for slider in self.sliders]
+            parts = [slider.force(float(u[0])) for slider in self.sliders]
             return sum(p[0] for p in parts), sum(p[1] for p in parts), 0.0
         f, f_u, f_v = self.slopes(phase, u, v)
-        return f, f_u, f_v
+        m = len(u)
+        return f, np.reshape(f_u, (m, m)), np.reshape(f_v, (m, m))
 
-    def move(self, u: float) -> None:
-        """Memory after a step with this displacement in its middle."""
+    def move(self, u: np.ndarray) -> None:
+        """Memory after a step with these displacements in its middle."""
         for slider in self.sliders:
-            slider.move(u)
+            slider.move(float(u[0]))
 
 
 def integrate(
@@ -93,15 +97,19 @@ def integrate(
     K = matrix(system.K, getattr(system, "N", None))
     h = span[0] / span[1]
     A = spl.splu((2 / h**2 * M + C / h + K / 2).tocsc())
-    core = balance.core_elements(system.elements, [law.w for law in system.elements])
-    laws = enumerate(zip(system.elements, histories, strict=True))
-    elements = [Element(law, functools.partial(core.slopes, i), history) for i, (law, history) in laws]
-    W = np.array([law.w for law in system.elements]).T.reshape(system.n, len(elements))
+    directions = [w for law in system.elements for w in law.directions]
+    core = balance.core_elements(system.elements, directions)
+    ends = np.cumsum([0, *(len(law.directions) for law in system.elements)])
+    laws = enumerate(zip(system.elements, histories, itertools.pairwise(ends.tolist()), strict=True))
+    elements = [
+        Element(law, functools.partial(core.slopes, i), history, slice(*own)) for i, (law, history, own) in laws
+    ]
+    W = np.array(directions).T.reshape(system.n, len(directions))
     G = A.solve(W) if elements else W
     compliance = W.T @ G
     x, v = state[0].copy(), state[1].copy()
     out = [x.copy()]
-    guess = np.zeros(len(elements))
+    guess = np.zeros(len(directions))
     for step in range(span[1]):
         t = (step + 0.5) * h
         d = A.solve(load(t) + 2 / h * (M @ v) - K @ x)
@@ -111,8 +119,8 @@ def integrate(
             e, f = _elements(elements, u, free, guess + free, compliance, h, omega * t)
             guess = e - free
             d = d - G @ f
-            for element, middle in zip(elements, u + e / 2, strict=True):
-                element.move(float(middle))
+            for element in elements:
+                element.move((u + e / 2)[element.own])
         x = x + d
         v = 2 / h * d - v
         if (step + 1) % every == 0:
@@ -130,13 +138,14 @@ def _elements(
     phase: float,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Increments e of the displacements with e = free - compliance f(u + e/2, e/h), and the forces."""
-    f = np.zeros(len(e))
+    f, slope = np.zeros(len(e)), np.zeros((len(e), len(e)))
     for _ in range(ITERATIONS):
-        values = [element.force(u[i] + e[i] / 2, e[i] / h, phase) for i, element in enumerate(elements)]
-        f = np.array([value[0] for value in values])
-        slope = np.array([value[1] / 2 + value[2] / h for value in values])
+        for element in elements:
+            own = element.own
+            f[own], f_u, f_v = element.force(u[own] + e[own] / 2, e[own] / h, phase)
+            slope[own, own] = f_u / 2 + f_v / h
         defect = e - free + compliance @ f
-        correction = np.linalg.solve(np.eye(len(e)) + compliance * slope, -defect)
+        correction = np.linalg.solve(np.eye(len(e)) + compliance @ slope, -defect)
         e = e + correction
         if np.max(np.abs(correction)) <= SOLVED * (np.max(np.abs(u)) + np.max(np.abs(e))):
             break

@@ -363,9 +363,8 @@ class FrequencyResponse(Result):
             np.abs(force.reshape(len(size), -1)).sum(axis=1) > 0.0 if force.size % max(len(size), 1) == 0 else size > 0
         )
         for one in getattr(self.system, "elements", ()):
-            w = getattr(one, "w", None)
-            if w is not None and np.size(w) == len(size):
-                concerned = concerned | (np.ravel(np.asarray(w, dtype=float)) != 0.0)
+            if one.w is not None and one.directions.shape[1] == len(size):
+                concerned = concerned | np.any(one.directions != 0.0, axis=0)
         ranked = [int(i) for i in np.argsort(-size, kind="stable")]
         return [i for i in ranked if concerned[i]][:3] or ranked[:3]
 

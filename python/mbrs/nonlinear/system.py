@@ -16,7 +16,6 @@ from ..linear.linearize import linearization_at, matrices_at
 from ..linear.matrices import MechanicalSystem
 from ..linear.relaxation import FunctionPlace, LawPlace, function_places, law_places
 from ..model.book import Book
-from ..model.function_calls import FunctionCall
 from ..model.ports import Port
 from ..system.effects import check_without
 from ..system.snapshot import Snapshot
@@ -64,8 +63,7 @@ def nonlinear_system(m: Model, *, at: StateLike = None, without: Sequence[str] =
     Raises
     ------
     ModelError
-        A law that moves at the state, or that is displaced there and has no shifted form (sliders, `VanDerPol`,
-        `VaryingStiffness`).
+        A law that moves at the state, a function of the time, or a `VaryingStiffness` that is displaced there.
 
     Warns
     -----
@@ -119,26 +117,18 @@ def _elements(lin: Linearization, place: LawPlace) -> list[Any]:
     if np.max(np.abs(place.direction), initial=0.0) <= _UNDEFORMED:
         return []  # what does not move from here, to first order, does no work
     u0 = place.u if abs(place.u) > _UNDEFORMED * max(length, 1.0) else 0.0
-    return shifted(place.code, place.numbers.tolist(), place.direction, u0, where)
+    return shifted(place.code, place.numbers.tolist(), place.direction, u0, where, place.memory.tolist())
 
 
 def _function_elements(lin: Linearization, place: FunctionPlace) -> list[Any]:
     length = lin.snapshot.system.characteristic_length
     where = f"the law on {place.name}"
-    if isinstance(place.body, FunctionCall):
-        raise ModelError(
-            f"{where} is a function with derivatives=, which harmonic balance of a model does not know; give one that can be "
-            "traced"
-        )
-    if len(place.u) > 1:
-        raise ModelError(
-            f"{where} is a function of {len(place.u)} coordinates, which harmonic balance does not know; use mb.simulate"
-        )
     if np.max(np.abs(place.v)) > _UNDEFORMED * length:
-        raise ModelError(f"{where} moves at {place.v[0]:.3g} in this state; its element would have to depend on time")
+        fastest = place.v[np.argmax(np.abs(place.v))]
+        raise ModelError(f"{where} moves at {fastest:.3g} in this state; its element would have to depend on time")
     if np.max(np.abs(place.direction), initial=0.0) <= _UNDEFORMED:
         return []
-    return [ShiftedFunction(place.body, place.numbers, place.u[0], place.direction[0], where)]
+    return [ShiftedFunction(place.body, place.numbers, place.u, place.direction, where)]
 
 
 def as_system(

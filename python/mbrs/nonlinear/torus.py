@@ -14,7 +14,7 @@ from .._lib import checks
 from .._lib.checks import shown
 from .._lib.warning import warn_user
 from ..errors import ModelError
-from ..model.laws import Law
+from ..model.law import Law
 from ..results import Stats
 from . import balance, condensation
 from .options import Fourier, integer

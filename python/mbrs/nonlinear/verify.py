@@ -168,10 +168,15 @@ def first_order(system: Any, force: Any, omega: float) -> Any:
             f = f + (part if y.ndim == 1 else part[:, None])
         for law in laws:
             u, du = law.w @ x, law.w @ v
-            f = f - np.multiply.outer(law.w, _law_force(law, u, du, omega * t))
+            f = f - _pushed(law.w, _law_force(law, u, du, omega * t))
         return np.concatenate([v, inverse @ f])
 
     return rate
+
+
+def _pushed(w: np.ndarray, f: Any) -> np.ndarray:
+    """Forces on the coordinates of x, (n,) or (n, m), of those along w."""
+    return np.asarray(np.multiply.outer(w, f) if w.ndim == 1 else np.tensordot(w, f, axes=(0, 0)))
 
 
 def _law_force(law: Any, u: Any, v: Any, phase: float) -> Any:

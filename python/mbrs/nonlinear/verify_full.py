@@ -202,7 +202,7 @@ def _sliders(solution: Any, length: float) -> list[float]:
     moved: list[float] = []
     for law in solution.system.elements:
         if law.has_memory:
-            moved += [slider.z for slider in midpoint.sliders_of(law, law.w @ x)]
+            moved += [slider.z + law.displaced for slider in midpoint.sliders_of(law, law.w @ x)]
     t = solution.system.linearization.snapshot.tables
     # two numbers for each slider
     sliding = [LAW_OF_CODE[int(code)].state == "map" for code in t["law_type"]]

@@ -1,6 +1,8 @@
 //! Contacts that the samples of a motion do not resolve: at an extremum of the displacement the stiffness jumps within the error of the
 //! motion, between two samples, or for fewer samples than the product of small steps needs.
-use super::aft::{Aft, Force};
+use super::aft::Aft;
+use super::element::Force;
+use super::tangents::Pair;
 use crate::error::Result;
 use crate::solve::nan_or_largest;
 use crate::tolerances::periodic::{CONTACT_JUMP, CONTACT_STEPS};
@@ -8,14 +10,14 @@ use crate::tolerances::periodic::{CONTACT_JUMP, CONTACT_STEPS};
 /// Samples from which on a smooth law does not change over a few of them.
 const MANY: usize = 1024;
 
-/// By how much df/du and df/dv of the element that `aft` evaluated last change, in the mean over the period, where displacements
-/// move by `margin`.
-pub fn changes(force: &Force, aft: &Aft, margin: f64) -> [f64; 2] {
-    let linear = matches!(force, Force::Known(law, _) if law.degree().is_some_and(|degree| degree < 2));
+/// By how much df/du and df/dv of a pair, whose element `aft` evaluated last, change in the mean over the period, where the
+/// displacement moves by `margin`.
+pub fn changes(force: &Force, aft: &Aft, pair: Pair, margin: f64) -> [f64; 2] {
+    let linear = matches!(force, Force::Known { law, .. } if law.degree().is_some_and(|degree| degree < 2));
     if linear || margin == 0.0 {
         return [0.0; 2];
     }
-    let (u, (f_u, f_v)) = (aft.displacements(), aft.tangents());
+    let (u, (f_u, f_v)) = (aft.displacements(pair.by), aft.tangents(pair.force, pair.by));
     let n = u.len();
     let mean = |f: &[f64]| {
         let range = nan_or_largest(f.iter().copied()) + nan_or_largest(f.iter().map(|x| -x));
@@ -28,15 +30,16 @@ pub fn changes(force: &Force, aft: &Aft, margin: f64) -> [f64; 2] {
     [mean(f_u), mean(f_v)]
 }
 
-/// Whether the samples of the element that `aft` evaluated last leave a contact unresolved; displacements may be off by `margin`.
-pub fn is_unresolved(force: &Force, aft: &Aft, margin: f64) -> Result<bool> {
+/// Whether the samples of a pair, whose element `aft` evaluated last, leave a contact unresolved; the displacement may be off by
+/// `margin`.
+pub fn is_unresolved(force: &Force, aft: &Aft, pair: Pair, margin: f64) -> Result<bool> {
     let margin = match force {
-        Force::Known(law, _) if law.n_memory() > 0 || law.degree().is_some() => return Ok(false),
-        Force::Known(..) => margin,
+        Force::Known { law, .. } if law.n_memory() > 0 || law.degree().is_some() => return Ok(false),
+        Force::Known { .. } => margin,
         // a function may bend fast without a contact
         Force::Sampled(_) => 0.0,
     };
-    let (u, (f_u, _)) = (aft.displacements(), aft.tangents());
+    let (u, (f_u, _)) = (aft.displacements(pair.by), aft.tangents(pair.force, pair.by));
     let n = u.len();
     let mut tips: Vec<(usize, [f64; 3])> = Vec::new();
     for i in 0..n {
@@ -48,8 +51,11 @@ pub fn is_unresolved(force: &Force, aft: &Aft, margin: f64) -> Result<bool> {
         let bend = after - 2.0 * here + before;
         let tip = here - (after - before).powi(2) / (8.0 * bend);
         let mut values = [0.0; 3];
+        let (mut all, mut rate) = aft.motion_at(i);
+        rate[pair.by] = 0.0;
         for (value, u) in values.iter_mut().zip([tip, tip + margin, tip - margin]) {
-            *value = force.slopes(aft.phases()[i], u, 0.0)?[1];
+            all[pair.by] = u;
+            *value = force.slopes(aft.phases()[i], &all, &rate)?.1[pair.force * all.len() + pair.by];
         }
         tips.push((i, values));
     }

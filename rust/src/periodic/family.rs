@@ -1,8 +1,8 @@
 //! Systems that depend on the continuation parameter: any number of a model, changed by whoever made it.
 use std::sync::Arc;
 
+use super::element::Element;
 use super::linear::DynamicStiffness;
-use super::problem::Element;
 use crate::error::Result;
 
 /// The system at one value of the parameter.

@@ -14,8 +14,9 @@ use super::propagator::{Modes, States};
 use crate::error::{Error, Result};
 use crate::periodic::aft::Aft;
 use crate::periodic::linear::Matrices;
-use crate::periodic::problem::{Deviation, Problem, Tangents};
+use crate::periodic::problem::Problem;
 use crate::periodic::rows::{join, root};
+use crate::periodic::tangents::{Deviation, Pair, Tangents};
 use crate::tolerances::periodic::MONODROMY;
 
 /// Coarsest number of steps per period, and how often it is doubled at most.
@@ -34,8 +35,9 @@ pub struct Splitting {
 /// Coordinates that matrices and elements connect.
 struct Part {
     own: Vec<usize>,
-    elements: Vec<usize>,
-    /// trace of -M^-1 C and, per element, of the effect of its rate
+    /// numbers of the tangents that act on them
+    pairs: Vec<usize>,
+    /// trace of -M^-1 C and, per tangent, of the effect of its rate
     linear_trace: f64,
     rate_traces: Vec<f64>,
     coordinates: Coordinates,
@@ -111,7 +113,7 @@ impl Splitting {
         parts
     }
 
-    /// Per part of the system the number of its exponents and by how much deviations of its elements change M^-1 K and M^-1 C w0, as
+    /// Per part of the system the number of its exponents and by how much deviations of its tangents change M^-1 K and M^-1 C w0, as
     /// one of its modes sees it in the mean.
     pub fn changes(&self, deviations: &[Deviation], w0: f64) -> Vec<(usize, f64)> {
         let one = |(e, own): (&usize, &f64)| {
@@ -119,13 +121,13 @@ impl Splitting {
             own * (stiffness + w0 * damping)
         };
         let of = |part: &Part| {
-            let sum: f64 = part.elements.iter().zip(&part.rate_traces).map(one).sum();
+            let sum: f64 = part.pairs.iter().zip(&part.rate_traces).map(one).sum();
             (2 * part.own.len(), sum / part.own.len() as f64)
         };
         self.parts.iter().map(of).collect()
     }
 
-    /// df/du and df/dv of the elements at the middles of the steps.
+    /// df/du and df/dv of the pairs at the middles of the steps.
     fn tangents(&mut self, problem: &mut Problem, y: &[f64], level: usize, steps: usize) -> Result<Tangents> {
         if self.samplers.len() <= level {
             self.samplers.push(Aft::between(&problem.basis, steps));
@@ -182,16 +184,23 @@ impl Part {
         if !(0..n).all(|i| c[(i, i)].is_finite() && k[(i, i)].is_finite()) {
             return Err(Error::singular("stability needs a regular mass matrix; remove coordinates without mass"));
         }
-        let belongs = |e: &usize| problem.retained()[*e].iter().any(|(i, _)| own.contains(i));
-        let elements: Vec<usize> = (0..problem.elements.len()).filter(belongs).collect();
-        let n_e = elements.len();
-        let mut see = Mat::<f64>::zeros(n, n_e);
-        for (column, e) in elements.iter().enumerate() {
-            for (i, weight) in &problem.retained()[*e] {
-                own.iter().position(|at| at == i).into_iter().for_each(|row| see[(row, column)] += weight);
+        let all = problem.pairs();
+        let retained =
+            |at: usize, coordinate: fn(Pair) -> usize| &problem.retained()[all[at].element][coordinate(all[at])];
+        let belongs = |at: &usize| problem.retained()[all[*at].element].iter().flatten().any(|(i, _)| own.contains(i));
+        let pairs: Vec<usize> = (0..all.len()).filter(belongs).collect();
+        let n_e = pairs.len();
+        let columns = |coordinate: fn(Pair) -> usize| {
+            let mut out = Mat::<f64>::zeros(n, n_e);
+            for (column, at) in pairs.iter().enumerate() {
+                for (i, weight) in retained(*at, coordinate) {
+                    own.iter().position(|at| at == i).into_iter().for_each(|row| out[(row, column)] += weight);
+                }
             }
-        }
-        let push = lu.solve(&see);
+            out
+        };
+        let see = columns(|pair| pair.by);
+        let push = lu.solve(columns(|pair| pair.force));
         // operations of a step: 8 (2n)^2 (1 + 2 n_e) in complex modes, 2 (2n)^3 + 4 n_e n^2 on the states
         let many = n > 2 + 3 * n_e;
         let modes = many.then(|| Modes::new(&c, &k, &push, &see)).flatten();
@@ -204,12 +213,12 @@ impl Part {
             },
             unit: (0..n).map(|i| mass[(i, i)].abs().sqrt()).collect(),
             own,
-            elements,
+            pairs,
         })
     }
 
     fn refine(&self, table: &mut Table, tangents: &Tangents, steps: usize, w0: f64) {
-        let tangents: Tangents = self.elements.iter().map(|e| tangents[*e].clone()).collect();
+        let tangents: Tangents = self.pairs.iter().map(|e| tangents[*e].clone()).collect();
         let mean = |f: &[f64]| f.iter().sum::<f64>() / f.len() as f64;
         let rates = tangents.iter().zip(&self.rate_traces);
         table.sum = self.linear_trace - rates.map(|((_, f_v), own)| own * mean(f_v)).sum::<f64>();
@@ -232,11 +241,7 @@ fn connected(problem: &Problem, (mass, damping, stiffness): &Matrices) -> Vec<Ve
             join(&mut first, i, j);
         }
     }
-    for direction in problem.retained() {
-        for pair in direction.windows(2) {
-            join(&mut first, pair[0].0, pair[1].0);
-        }
-    }
+    problem.join_by_elements(&mut first);
     let roots: Vec<usize> = (0..n).map(|i| root(&mut first, i)).collect();
     let of = |r: usize| -> Vec<usize> { (0..n).filter(|i| roots[*i] == r).collect() };
     (0..n).filter(|r| roots[*r] == *r).map(of).collect()

@@ -4,7 +4,7 @@
 //! ```text
 //! z1 = z0 + 2 d (5/24 g0 + 1/3 g1 - 1/24 g2),     z2 = z0 + 2 d (1/6 g0 + 2/3 g1 + 1/6 g2)
 //! ```
-//! The start z0 of the period is found by Newton's method on z(T) = z0, from z0 = 0: where the motion leaves it free (a cycle that
+//! The start z0 of the period is found by Newton's method on z(T) = z0, from the state at rest: where the motion leaves it free (a cycle that
 //! dissipates nothing) it stays as it is. E. Hairer, G. Wanner, Solving Ordinary Differential Equations II, 1996, table IV.5.7.
 use crate::error::{Error, Result};
 use crate::force::{AnyLaw, StateSlopes};
@@ -44,14 +44,15 @@ pub struct Change<'a> {
 }
 
 impl PeriodicState {
-    pub fn new(law: AnyLaw, p: &[f64], samples: Samples<'_>) -> Result<Self> {
+    /// From the state `rest` on.
+    pub fn new(law: AnyLaw, p: &[f64], samples: Samples<'_>, rest: f64) -> Result<Self> {
         let n = samples.u.len();
         if n % 2 == 1 {
             return Err(Error::model(
                 "laws whose state has a rate need an even number of samples; give another n_samples=",
             ));
         }
-        let (mut z0, mut out) = (0.0, PeriodicState { at: Vec::new(), interval: samples.interval, growth: 1.0 });
+        let (mut z0, mut out) = (rest, PeriodicState { at: Vec::new(), interval: samples.interval, growth: 1.0 });
         for _ in 0..PERIODS {
             let end = out.march(law, p, samples, z0)?;
             let size = out.at.iter().fold(0.0_f64, |s, at| s.max(at.z.abs()));
@@ -203,7 +204,7 @@ mod tests {
             let interval = std::f64::consts::TAU / n as f64;
             let u: Vec<f64> = (0..n).map(|j| (interval * j as f64).cos()).collect();
             let v = vec![0.0; n];
-            let state = PeriodicState::new(law, &[k, tau], Samples { u: &u, v: &v, interval }).unwrap();
+            let state = PeriodicState::new(law, &[k, tau], Samples { u: &u, v: &v, interval }, 0.0).unwrap();
             let (re, im) = (k * tau * tau / (1.0 + tau * tau), k * tau / (1.0 + tau * tau));
             let exact = |j: usize| re * (interval * j as f64).cos() - im * (interval * j as f64).sin();
             (0..n).map(|j| (state.at[j].force[0] - exact(j)).abs()).fold(0.0, f64::max)
@@ -228,10 +229,10 @@ mod tests {
             let z = |a: f64, w: f64| -> Vec<f64> {
                 let (u, v) = (u(a), v(a, w));
                 let samples = Samples { u: &u, v: &v, interval: interval * 1.3 / w };
-                PeriodicState::new(law, p, samples).unwrap().at.iter().map(|at| at.z).collect()
+                PeriodicState::new(law, p, samples, 0.0).unwrap().at.iter().map(|at| at.z).collect()
             };
             let (u0, v0) = (u(1.0), v(1.0, 1.3));
-            let state = PeriodicState::new(law, p, Samples { u: &u0, v: &v0, interval }).unwrap();
+            let state = PeriodicState::new(law, p, Samples { u: &u0, v: &v0, interval }, 0.0).unwrap();
             let (du, dv): (Vec<f64>, Vec<f64>) =
                 ((0..n).map(|j| turn(j).cos()).collect(), (0..n).map(|j| -1.3 * turn(j).sin()).collect());
             let mut dz = vec![0.0; n];

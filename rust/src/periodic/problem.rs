@@ -4,33 +4,16 @@
 use faer::Mat;
 use num_complex::Complex64 as c64;
 
-use super::aft::{Aft, Force, Want};
+use super::aft::{Aft, Want};
 use super::basis::Basis;
 use super::blocks::Blocks;
+use super::element::{Direction, Element, add_product, retained_of};
 use super::family::{Member, Placed};
 use super::linear::{Block, DynamicStiffness};
-use super::{contact, rows};
+use super::rows;
 use crate::error::{Error, Result};
 use crate::solve::{Curve, Linearisation, largest, nan_or_largest};
 use crate::tolerances::periodic::ROW_ROUNDING;
-
-/// A law on the relative displacement u = w . x.
-#[derive(Clone)]
-pub struct Element {
-    pub force: Force,
-    pub direction: Vec<(usize, f64)>,
-}
-
-/// What deviations of the coordinates mean for an element: whether they decide about a contact, and by how much df/du and df/dv may
-/// change, in the mean over the period.
-#[derive(Debug, Clone, Copy)]
-pub struct Deviation {
-    pub unresolved: bool,
-    pub changes: [f64; 2],
-}
-
-/// df/du and df/dv at the samples, for every element.
-pub type Tangents = Vec<(Vec<f64>, Vec<f64>)>;
 
 /// What the continuation parameter is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -60,11 +43,11 @@ pub struct Problem {
     pub aft: Aft,
     pub family: Option<Placed>,
     n: usize,
-    retained: Vec<Vec<(usize, f64)>>,
+    retained: Vec<Vec<Direction>>,
     blocks: Blocks,
     coefficients: Vec<f64>,
-    /// per element the largest coefficient of its force at the last evaluation
-    pushes: Vec<f64>,
+    /// per element the largest coefficient of each of its forces at the last evaluation
+    pushes: Vec<Vec<f64>>,
     /// the first element whose force was not finite at the last evaluation
     pub broken: Option<usize>,
     /// the last element of which that was true at any evaluation since this was cleared
@@ -85,12 +68,12 @@ impl Problem {
         let n = linear.size();
         let with_memory = elements.iter().any(|e| e.force.has_memory());
         let aft = Aft::new(&basis, dims, with_memory);
-        let retained = elements.iter().map(|e| linear.retain(&e.direction)).collect::<Result<_>>()?;
+        let retained = retained_of(linear.as_ref(), &elements)?;
         Ok(Problem {
             retained,
             blocks: Blocks::new(basis.n_harmonics() + 1, n),
-            coefficients: vec![0.0; basis.n_coefficients()],
-            pushes: vec![0.0; elements.len()],
+            coefficients: Vec::new(),
+            pushes: elements.iter().map(|e| vec![0.0; e.directions.len()]).collect(),
             n,
             aft,
             basis,
@@ -177,25 +160,40 @@ impl Problem {
         rows::own_sizes(self, y, &entries).into_iter().map(of).collect()
     }
 
-    /// Per element the largest coefficient of its force at the last evaluation.
-    pub fn pushes(&self) -> &[f64] {
-        &self.pushes
+    /// The elements' directions in retained coordinates, with the largest coefficient of each force at the last evaluation.
+    pub fn pushes(&self) -> impl Iterator<Item = (&Direction, f64)> {
+        let of = |(directions, pushes): (_, _)| {
+            let (directions, pushes): (&Vec<Direction>, &Vec<f64>) = (directions, pushes);
+            directions.iter().zip(pushes.iter().copied())
+        };
+        self.retained.iter().zip(&self.pushes).flat_map(of)
     }
 
-    /// The elements' directions in retained coordinates.
-    pub fn retained(&self) -> &[Vec<(usize, f64)>] {
+    /// Per element its directions in retained coordinates.
+    pub fn retained(&self) -> &[Vec<Direction>] {
         &self.retained
+    }
+
+    /// Joins the coordinates that elements connect, in a list of the first one of each part.
+    pub fn join_by_elements(&self, first: &mut [usize]) {
+        for directions in &self.retained {
+            let touched: Vec<usize> = directions.iter().flatten().map(|(i, _)| *i).collect();
+            for pair in touched.windows(2) {
+                rows::join(first, pair[0], pair[1]);
+            }
+        }
     }
 
     /// Another linear part and other laws in the place of the present ones.
     fn install(&mut self, member: Member) -> Result<()> {
         let Member { linear, elements } = member;
-        if linear.size() != self.n || elements.len() != self.elements.len() {
+        let coordinates = |elements: &[Element]| elements.iter().map(|e| e.directions.len()).collect::<Vec<_>>();
+        if linear.size() != self.n || coordinates(&elements) != coordinates(&self.elements) {
             return Err(Error::model(
                 "the family changes the number of coordinates or elements with its parameter; keep them",
             ));
         }
-        self.retained = elements.iter().map(|e| linear.retain(&e.direction)).collect::<Result<_>>()?;
+        self.retained = retained_of(linear.as_ref(), &elements)?;
         (self.linear, self.elements) = (linear, elements);
         self.blocks.forget();
         Ok(())
@@ -316,16 +314,19 @@ impl Problem {
         }
     }
 
-    /// Coefficients of u = w . x of one element.
+    /// Coefficients of u = w . x of each coordinate of one element.
     fn collect_coefficients(&mut self, e: usize, y: &[f64]) {
-        let direction = &self.retained[e];
-        for (c, part) in self.coefficients.iter_mut().zip(y.chunks_exact(self.n)) {
-            *c = direction.iter().map(|&(i, w)| w * part[i]).sum();
+        let n_c = self.basis.n_coefficients();
+        self.coefficients.resize(self.retained[e].len() * n_c, 0.0);
+        for (direction, own) in self.retained[e].iter().zip(self.coefficients.chunks_exact_mut(n_c)) {
+            for (c, part) in own.iter_mut().zip(y.chunks_exact(self.n)) {
+                *c = direction.iter().map(|&(i, w)| w * part[i]).sum();
+            }
         }
     }
 
     /// One element by itself; the answer is in `aft`.
-    fn evaluate_element(&mut self, e: usize, y: &[f64], want: Want) -> Result<()> {
+    pub fn evaluate_element(&mut self, e: usize, y: &[f64], want: Want) -> Result<()> {
         let (frequency, slope) = (self.basis.frequencies(&self.omega), self.frequency_slope());
         self.collect_coefficients(e, y);
         let element = &self.elements[e];
@@ -343,32 +344,29 @@ impl Problem {
     ) -> Result<()> {
         let (n, n_c) = (self.n, self.basis.n_coefficients());
         self.collect_coefficients(e, y);
-        let direction = &self.retained[e];
         let element = &self.elements[e];
         self.aft.element(&element.force, &self.coefficients, frequency, slope, want)?;
-        self.pushes[e] = largest(&self.aft.force);
         if self.broken.is_none() && !self.aft.force.iter().all(|f| f.is_finite()) {
             self.broken = Some(e);
             self.ever_broken = Some(e);
         }
-        for &(i, wi) in direction {
-            for row in 0..n_c {
-                out.residual[row * n + i] += wi * self.aft.force[row];
-            }
-            if want == Want::Force {
-                continue;
-            }
-            for row in 0..n_c {
-                out.slope[row * n + i] += wi * self.aft.force_slope[row];
-            }
-            for &(l, wl) in direction {
-                let w = wi * wl;
-                for c in 0..n_c {
+        for (a, direction) in self.retained[e].iter().enumerate() {
+            let own = a * n_c..(a + 1) * n_c;
+            let (force, force_slope) = (&self.aft.force[own.clone()], &self.aft.force_slope[own]);
+            self.pushes[e][a] = largest(force);
+            for &(i, wi) in direction {
+                for row in 0..n_c {
+                    out.residual[row * n + i] += wi * force[row];
+                }
+                if want != Want::Force {
                     for row in 0..n_c {
-                        out.jacobian[(row * n + i, c * n + l)] += w * self.aft.jacobian[row * n_c + c];
+                        out.slope[row * n + i] += wi * force_slope[row];
                     }
                 }
             }
+        }
+        if want != Want::Force {
+            add_product(&self.retained[e], &self.aft.jacobian, (n, n_c), &mut out.jacobian);
         }
         Ok(())
     }
@@ -408,50 +406,9 @@ impl Problem {
                 continue;
             }
             self.evaluate_element(e, y, Want::Jacobian)?;
-            for &(i, wi) in &self.retained[e] {
-                for &(l, wl) in &self.retained[e] {
-                    for c in 0..n_c {
-                        for row in 0..n_c {
-                            out[(row * n + i, c * n + l)] += wi * wl * self.aft.damping[row * n_c + c];
-                        }
-                    }
-                }
-            }
+            add_product(&self.retained[e], &self.aft.damping, (n, n_c), &mut out);
         }
         Ok(out)
-    }
-
-    /// df/du and df/dv of every element, means over the intervals around the samples of a sampler on the same terms.
-    pub fn tangents(&mut self, y: &[f64], sampler: &mut Aft) -> Result<Tangents> {
-        std::mem::swap(&mut self.aft, sampler);
-        let n_e = self.elements.len();
-        let one = |e: usize| -> Result<(Vec<f64>, Vec<f64>)> {
-            self.evaluate_element(e, y, Want::Means)?;
-            let (f_u, f_v) = self.aft.tangents();
-            Ok((f_u.to_vec(), f_v.to_vec()))
-        };
-        let out = (0..n_e).map(one).collect();
-        std::mem::swap(&mut self.aft, sampler);
-        out
-    }
-
-    /// Per element, whether its stiffness jumps so near to an extremum of its displacement that deviations of the coordinates decide,
-    /// or only there, and how far they change the tangents: `contact`.
-    pub fn deviate(&mut self, y: &[f64], deviations: &[f64], sampler: &mut Aft) -> Result<Vec<Deviation>> {
-        std::mem::swap(&mut self.aft, sampler);
-        let n_e = self.elements.len();
-        let one = |e: usize| -> Result<Deviation> {
-            self.evaluate_element(e, y, Want::Tangents)?;
-            let margin: f64 = self.retained[e].iter().map(|(i, w)| w.abs() * deviations[*i]).sum();
-            let (force, aft) = (&self.elements[e].force, &self.aft);
-            Ok(Deviation {
-                unresolved: contact::is_unresolved(force, aft, margin)?,
-                changes: contact::changes(force, aft, margin),
-            })
-        };
-        let found = (0..n_e).map(one).collect();
-        std::mem::swap(&mut self.aft, sampler);
-        found
     }
 
     /// Coefficients of all coordinates, full_size x n_c by rows.
@@ -514,6 +471,7 @@ mod tests {
     use super::super::linear::Full;
     use super::*;
     use crate::force::AnyLaw;
+    use crate::periodic::element::Force;
     use std::sync::Arc;
 
     struct Springs;
@@ -522,7 +480,7 @@ mod tests {
         fn member(&self, value: f64) -> Result<Member> {
             let other = two_masses(Parameter::Level);
             let mut elements = other.elements.clone();
-            elements[0].force = Force::Known(AnyLaw::from_code(0, 1).unwrap(), vec![0.5 * value]);
+            elements[0].force = Force::known(AnyLaw::from_code(0, 1).unwrap(), vec![0.5 * value]);
             let linear = Full {
                 n: 2,
                 m: vec![1.0, 0.1, 0.1, 2.0],
@@ -545,8 +503,8 @@ mod tests {
             forces: Arc::new(forces),
         };
         let element = |code, params: &[f64], direction: &[(usize, f64)]| Element {
-            force: Force::Known(AnyLaw::from_code(code, params.len()).unwrap(), params.to_vec()),
-            direction: direction.to_vec(),
+            force: Force::known(AnyLaw::from_code(code, params.len()).unwrap(), params.to_vec()),
+            directions: vec![direction.to_vec()],
         };
         let elements = vec![
             element(0, &[0.5], &[(0, 1.0), (1, -1.0)]),

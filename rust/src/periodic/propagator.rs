@@ -1,10 +1,10 @@
-//! Products of many small steps of M x" + C x' + K x + sum_e w_e (f_u w_e.x + f_v w_e.x') = 0 with tangents that vary in time, as
+//! Products of many small steps of M x" + C x' + K x + sum_e p_e (f_u w_e.x + f_v w_e.x') = 0 with tangents that vary in time, as
 //! matrices of the states [x; x'/w0]: see `monodromy`.
 use faer::Mat;
 use faer::prelude::*;
 use num_complex::Complex64 as c64;
 
-use crate::periodic::problem::Tangents;
+use crate::periodic::tangents::Tangents;
 
 /// Modes worse conditioned than this are not used as coordinates.
 const SKEW: f64 = 1e6;
@@ -22,7 +22,7 @@ pub struct Modes {
 }
 
 impl Modes {
-    /// From M^-1 C, M^-1 K, M^-1 W and W; None where the modes are too skew to be coordinates.
+    /// From M^-1 C, M^-1 K, M^-1 P and W; None where the modes are too skew to be coordinates.
     pub fn new(c: &Mat<f64>, k: &Mat<f64>, push: &Mat<f64>, see: &Mat<f64>) -> Option<Modes> {
         let (n, n_e) = (c.nrows(), see.ncols());
         let companion = companion(c, k, 1.0);
@@ -118,12 +118,12 @@ fn scale_rows(phi: &mut Mat<c64>, factors: &[c64]) {
 pub struct States {
     c: Mat<f64>,
     k: Mat<f64>,
-    /// per element M^-1 w w^T by columns
+    /// per tangent M^-1 p w^T by columns
     rank_one: Vec<Vec<f64>>,
 }
 
 impl States {
-    /// From M^-1 C, M^-1 K, M^-1 W and W.
+    /// From M^-1 C, M^-1 K, M^-1 P and W.
     pub fn new(c: Mat<f64>, k: Mat<f64>, push: &Mat<f64>, see: &Mat<f64>) -> States {
         let n = c.nrows();
         let outer = |e: usize| -> Vec<f64> {
@@ -160,7 +160,7 @@ impl States {
         Mat::from_fn(size, size, |i, j| phi[j * size + i])
     }
 
-    /// factor M^-1 sum_e w_e f_e w_e^T
+    /// factor M^-1 sum_e p_e f_e w_e^T
     fn gather(
         &self,
         tangents: &Tangents,

@@ -49,7 +49,7 @@ fn in_order(by_term: &[Vec<Size>]) -> Vec<Size> {
 fn sums(problem: &Problem, amplitude: &[f64], entries: &[Vec<f64>]) -> Vec<Vec<Size>> {
     let n = problem.n();
     let mut pushes = vec![0.0; n];
-    for (direction, push) in problem.retained().iter().zip(problem.pushes()) {
+    for (direction, push) in problem.pushes() {
         for &(i, w) in direction {
             pushes[i] += w.abs() * push;
         }
@@ -96,11 +96,7 @@ fn parts(problem: &Problem) -> Vec<usize> {
             }
         }
     }
-    for direction in problem.retained() {
-        for pair in direction.windows(2) {
-            join(&mut first, pair[0].0, pair[1].0);
-        }
-    }
+    problem.join_by_elements(&mut first);
     (0..n).map(|i| root(&mut first, i)).collect()
 }
 

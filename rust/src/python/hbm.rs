@@ -5,19 +5,18 @@ use numpy::{Complex64, PyArray1, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
 
 use super::border::{Dense, Vector, called, guarded, interruptible, matrix, to_numpy};
-use super::expressions::program;
 use super::hbm_branch::{find_peak, options};
+use super::hbm_elements::HbmElements;
 use super::hbm_linear::HbmLinear;
 use crate::error::{Error, Result};
-use crate::force::{AnyLaw, FunctionLaw};
-use crate::periodic::aft::{Force, Sampled};
 use crate::periodic::autonomous;
 use crate::periodic::basis::{Basis, Finer};
+use crate::periodic::element::Element;
 use crate::periodic::estimate::{Estimate, Estimator};
 use crate::periodic::family::{Family, Member, Placed};
 use crate::periodic::linear::{DynamicStiffness, Matrices};
 use crate::periodic::peak::Quantity;
-use crate::periodic::problem::{Element, Parameter, Problem};
+use crate::periodic::problem::{Parameter, Problem};
 use crate::periodic::stability::Stability;
 use crate::periodic::start;
 use crate::periodic::truncation::{Judge, Solution, Verdict};
@@ -26,152 +25,12 @@ use crate::solve::{Curve, Linearisation};
 use crate::tolerances::roots::EVENT_SOLVED;
 
 pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
-    module.add_function(wrap_pyfunction!(law_force, module)?)?;
-    module.add_function(wrap_pyfunction!(law_relaxations, module)?)?;
     module.add_class::<HbmProblem>()?;
-    module.add_class::<HbmElements>()?;
     module.add_class::<HbmLinear>()
 }
 
 pub fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
-/// Force of one law along a history of displacements and rates, sliders centred at its start. A state by rate rests at every sample.
-#[pyfunction]
-fn law_force<'py>(
-    py: Python<'py>,
-    code: i64,
-    values: Vec<f64>,
-    u: PyReadonlyArray1<'_, f64>,
-    v: PyReadonlyArray1<'_, f64>,
-) -> PyResult<Bound<'py, PyArray1<f64>>> {
-    let law = AnyLaw::from_code(code, values.len())?;
-    let (u, v) = (u.as_array(), v.as_array());
-    let mut memory = vec![0.0; law.n_memory()];
-    let force = |(u, v): (&f64, &f64)| {
-        if law.has_rates() {
-            memory = law.rest_memory();
-        }
-        law.eval(*u, *v, &values, &mut memory)
-    };
-    let force = u.iter().zip(v.iter()).map(force).collect();
-    Ok(PyArray1::from_vec(py, force))
-}
-
-/// (k, rate) of each state that relaxes about rest at u: there the law is k s / (s + rate) beside its slope at rest.
-#[pyfunction]
-fn law_relaxations(code: i64, values: Vec<f64>, u: f64) -> PyResult<Vec<(f64, f64)>> {
-    let law = AnyLaw::from_code(code, values.len())?;
-    Ok(law.relaxations(u, &values).into_iter().map(|r| (r.k, r.rate)).collect())
-}
-
-/// Laws on directions; the parameters of all of them lie in one vector.
-#[pyclass(frozen)]
-pub struct HbmElements(Vec<Element>);
-
-#[pymethods]
-impl HbmElements {
-    /// Element e has the law `code[e]` with `count[e]` numbers, or `functions[e]`, and the entries `start[e]..start[e+1]` of its
-    /// direction. A function takes samples (u, v) and returns (force, df/du, df/dv), or is a program (nodes, roots, u0).
-    #[new]
-    #[expect(clippy::too_many_arguments)]
-    fn new(
-        py: Python<'_>,
-        code: Vec<i64>,
-        count: Vec<usize>,
-        values: Vec<f64>,
-        functions: Vec<Option<Py<PyAny>>>,
-        start: Vec<usize>,
-        index: Vec<usize>,
-        weight: Vec<f64>,
-    ) -> PyResult<Self> {
-        let n = code.len();
-        if count.len() != n || functions.len() != n || start.len() != n + 1 || index.len() != weight.len() {
-            return Err(Error::model("elements: arrays of different lengths").into());
-        }
-        let mut elements = Vec::new();
-        let mut at = 0;
-        for (e, function) in functions.into_iter().enumerate() {
-            let params = values.get(at..at + count[e]);
-            let range = start[e]..start[e + 1];
-            let (Some(params), Some(index), Some(weight)) = (params, index.get(range.clone()), weight.get(range))
-            else {
-                return Err(Error::model(format!("element {e}: numbers are missing")).into());
-            };
-            at += count[e];
-            let direction = index.iter().copied().zip(weight.iter().copied()).collect();
-            let force = match function {
-                Some(body) => Force::Sampled(sampled(py, body, params, e)?),
-                None => Force::Known(AnyLaw::from_code(code[e], count[e])?, params.to_vec()),
-            };
-            elements.push(Element { force, direction });
-        }
-        Ok(Self(elements))
-    }
-
-    /// Force, df/du and df/dv of one element at a phase (rad), a displacement and a rate; a law with states rests there.
-    fn slopes(&self, element: usize, phase: f64, u: f64, v: f64) -> PyResult<[f64; 3]> {
-        let chosen = self.0.get(element).ok_or_else(|| Error::model(format!("there is no element {element}")))?;
-        Ok(chosen.force.slopes(phase, u, v)?)
-    }
-}
-
-/// A program (nodes, roots, u0), or a callable.
-fn sampled(py: Python<'_>, body: Py<PyAny>, p: &[f64], element: usize) -> PyResult<Arc<dyn Sampled>> {
-    let bound = body.bind(py);
-    if bound.is_callable() {
-        return Ok(Arc::new(PythonLaw { function: body, element }));
-    }
-    let (nodes, roots, start): (Bound<'_, PyAny>, Vec<usize>, Option<f64>) = bound.extract()?;
-    let law = FunctionLaw::traced(1, p.len(), program(&nodes, roots)?)?;
-    let held = start.map_or(0.0, |u| law.force(0.0, &[u], &[0.0], p)[0]);
-    Ok(Arc::new(TracedLaw { law, p: p.to_vec(), start: start.unwrap_or(0.0), held }))
-}
-
-/// f(0, u0 + u, v) - f(0, u0, 0) of a traced function; the second term only where u0 is given.
-struct TracedLaw {
-    law: FunctionLaw,
-    p: Vec<f64>,
-    start: f64,
-    held: f64,
-}
-
-impl Sampled for TracedLaw {
-    fn evaluate(&self, u: &[f64], v: &[f64], f: &mut [f64], f_u: &mut [f64], f_v: &mut [f64]) -> Result<()> {
-        for (i, (u, v)) in u.iter().zip(v).enumerate() {
-            let made = self.law.slopes(0.0, &[self.start + u], &[*v], &self.p, true);
-            (f[i], f_u[i], f_v[i]) = (made.force[0] - self.held, made.k[0][0], made.c[0][0]);
-        }
-        Ok(())
-    }
-}
-
-/// A law that is a Python function: the slow path, with the interpreter held for each evaluation.
-struct PythonLaw {
-    function: Py<PyAny>,
-    element: usize,
-}
-
-impl Sampled for PythonLaw {
-    fn evaluate(&self, u: &[f64], v: &[f64], f: &mut [f64], f_u: &mut [f64], f_v: &mut [f64]) -> Result<()> {
-        called(|py| {
-            let arguments = (PyArray1::from_slice(py, u), PyArray1::from_slice(py, v));
-            let answer = self.function.call1(py, arguments)?;
-            let parts: [PyReadonlyArray1<'_, f64>; 3] = answer.extract(py)?;
-            for (part, out) in parts.iter().zip([f, f_u, f_v]) {
-                let part = part.as_array();
-                if part.len() != out.len() {
-                    let (k, got, wanted) = (self.element, part.len(), out.len());
-                    let text = format!("elements[{k}], a function, returned {got} values for {wanted} samples");
-                    return Err(Error::model(text).into());
-                }
-                out.iter_mut().zip(part.iter()).for_each(|(o, p)| *o = *p);
-            }
-            Ok(())
-        });
-        Ok(())
-    }
 }
 
 /// Python's `family(value)`, which returns (HbmLinear, HbmElements).
@@ -545,7 +404,7 @@ fn check(
     if dims.iter().zip(&reach).any(|(n, k)| *n < 2 * k + 1) {
         return Err(Error::model("harmonic balance: fewer samples than coefficients"));
     }
-    if elements.iter().any(|e| e.direction.iter().any(|(i, _)| *i >= n)) {
+    if elements.iter().any(|e| e.directions.iter().flatten().any(|(i, _)| *i >= n)) {
         return Err(Error::model("harmonic balance: a direction beyond the last coordinate"));
     }
     if p > 1 && elements.iter().any(|e| e.force.has_memory()) {
@@ -566,8 +425,9 @@ fn check_memory(basis: &Basis, elements: &[Element], n: usize, dims: &[usize]) -
     let samples: f64 = dims.iter().map(|d| *d as f64).product();
     let with_memory = elements.iter().any(|e| e.force.has_memory());
     let tables = if with_memory { 2.0 * n_c } else { 0.0 };
-    let of_samples = 8.0 * samples * (12.0 + tables);
-    let of_unknowns = 8.0 * (3.0 * (n as f64 * n_c).powi(2) + 3.0 * n_c * n_c);
+    let m = elements.iter().map(|e| e.directions.len()).max().unwrap_or(1) as f64;
+    let of_samples = 8.0 * samples * (8.0 * m + 4.0 * m * m + tables);
+    let of_unknowns = 8.0 * (3.0 * (n as f64 * n_c).powi(2) + 3.0 * (m * n_c).powi(2));
     if of_samples > MOST_MEMORY {
         return Err(Error::model(format!(
             "{samples:.3e} samples would take {:.1} GB; take fewer samples or harmonics",

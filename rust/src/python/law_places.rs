@@ -49,7 +49,8 @@ fn places<'a>(system: &'a System, state: &State, acts: fn(&Connector) -> bool) -
 }
 
 /// Per law, in the order of its numbers: where these start in x, the bodies a and b (-1 ground), the world point (3,) and the row
-/// (6,) that takes the relative twist of b there to the rate of the law's displacement, then displacement and rate.
+/// (6,) that takes the relative twist of b there to the rate of the law's displacement, then displacement and rate, and where its
+/// memory starts.
 pub fn law_places<'py>(py: Python<'py>, system: &System, state: &State) -> PyResult<Bound<'py, PyList>> {
     let out = PyList::empty(py);
     for place in places(system, state, |c| !c.laws.is_empty()) {
@@ -57,7 +58,7 @@ pub fn law_places<'py>(py: Python<'py>, system: &System, state: &State) -> PyRes
         for law in &place.connector.laws {
             let (e, v) = place.moved[law.component];
             let row = place.rows(&[law.component]).row(0).to_vec();
-            out.append((law.x, a, b, place.point().into_pyarray(py), row.into_pyarray(py), e, v))?;
+            out.append((law.x, a, b, place.point().into_pyarray(py), row.into_pyarray(py), e, v, law.memory))?;
         }
     }
     Ok(out)

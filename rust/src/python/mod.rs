@@ -9,6 +9,7 @@ mod frf;
 mod gradient;
 mod hbm;
 mod hbm_branch;
+mod hbm_elements;
 mod hbm_linear;
 mod law_places;
 mod modal;
@@ -37,6 +38,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     gradient::register(module)?;
     hbm::register(module)?;
     hbm_branch::register(module)?;
+    hbm_elements::register(module)?;
     modal::register(module)?;
     root::register(module)?;
     second_order::register(module)?;

@@ -5,14 +5,13 @@
 //! dFs_j/db_h = Re(c_{j-h} - c_{j+h}), the row j = 0 halved: exact on the grid, aliasing included.
 //! Sharp contacts of periodic motions are not sampled but integrated exactly (`ramps`).
 //! Laws with sliders are marched over two periods, the derivative of each sample carried along; the second period counts. States
-//! with a rate are those of a periodic motion (`periodic_state`).
+//! with a rate are those of a periodic motion (`periodic_state`). A law of m coordinates has m forces and m x m blocks of Jacobians.
 //! Source: docs/theory.md (11.4), (11.5); T. M. Cameron, J. H. Griffin, J. Appl. Mech. 56 (1989) 149-154.
-use std::sync::Arc;
-
 use num_complex::Complex64 as c64;
 use num_dual::Dual64;
 
 use super::basis::{Basis, Slots};
+use super::element::Force;
 use super::grid::{Grid, Slot};
 use super::periodic_state::{Change, PeriodicState, Samples};
 use super::ramps::{Contact, Ramp};
@@ -24,6 +23,8 @@ pub struct Aft {
     grid: Grid,
     slots: Slots,
     n_c: usize,
+    /// coordinates of the law that was evaluated last; samples and coefficients of one lie one after the other
+    m: usize,
     phase: Vec<f64>,
     /// exp(i k tau/2) per term where the samples lie in the middle of the usual intervals, else empty
     turn: Vec<c64>,
@@ -43,13 +44,13 @@ pub struct Aft {
     motion: Vec<f64>,
     /// of a contact, n_c x n_c by rows
     product: Vec<f64>,
-    /// Force coefficients, (n_c).
+    /// Force coefficients, (m, n_c).
     pub force: Vec<f64>,
-    /// Derivative of `force` along the parameter that moves the frequencies, (n_c).
+    /// Derivative of `force` along the parameter that moves the frequencies, (m, n_c).
     pub force_slope: Vec<f64>,
-    /// d force / d coefficients of u, n_c x n_c by rows.
+    /// d force / d coefficients of u, (m, m) blocks n_c x n_c by rows.
     pub jacobian: Vec<f64>,
-    /// The part of the force that multiplies the rate: matrix of df/dv, n_c x n_c by rows (for stability).
+    /// The part of the force that multiplies the rate: matrix of df/dv, (m, m) blocks n_c x n_c by rows (for stability).
     pub damping: Vec<f64>,
 }
 
@@ -59,50 +60,6 @@ struct March {
     gamma: Vec<f64>,
     /// d samples / d coefficients, one contiguous column of samples each
     columns: Vec<f64>,
-}
-
-/// A law that is evaluated for all samples at once, by whatever lies behind it.
-pub trait Sampled: Send + Sync {
-    /// Force and its slopes by u and v at the samples.
-    fn evaluate(&self, u: &[f64], v: &[f64], f: &mut [f64], f_u: &mut [f64], f_v: &mut [f64]) -> Result<()>;
-}
-
-/// The law of an element.
-#[derive(Clone)]
-pub enum Force {
-    Known(AnyLaw, Vec<f64>),
-    Sampled(Arc<dyn Sampled>),
-}
-
-impl Force {
-    pub fn uses_velocity(&self) -> bool {
-        match self {
-            Force::Known(law, _) => law.uses_velocity(),
-            Force::Sampled(_) => true,
-        }
-    }
-
-    pub fn has_memory(&self) -> bool {
-        matches!(self, Force::Known(law, _) if law.n_memory() > 0)
-    }
-
-    /// Force, df/du and df/dv at a phase (rad) of the excitation, a displacement and a rate; a law with states rests there.
-    pub fn slopes(&self, phase: f64, u: f64, v: f64) -> Result<[f64; 3]> {
-        match self {
-            Force::Known(law, p) => {
-                let p: Vec<Dual64> = p.iter().map(|&x| Dual64::from(x)).collect();
-                let rest = law.rest_memory();
-                let force = |u, v| law.force_at(phase, u, v, &p, &rest, &mut rest.clone());
-                let by_u = force(Dual64::new(u, 1.0), Dual64::from(v));
-                Ok([by_u.re, by_u.eps, force(Dual64::from(u), Dual64::new(v, 1.0)).eps])
-            }
-            Force::Sampled(law) => {
-                let (mut f, mut f_u, mut f_v) = ([0.0], [0.0], [0.0]);
-                law.evaluate(&[u], &[v], &mut f, &mut f_u, &mut f_v)?;
-                Ok([f[0], f_u[0], f_v[0]])
-            }
-        }
-    }
 }
 
 /// What `Aft::element` is to compute.
@@ -131,6 +88,7 @@ impl Aft {
             grid,
             slots,
             n_c,
+            m: 1,
             phase: phase.iter().map(|t| t * basis.subharmonic).collect(),
             turn: Vec::new(),
             u: vec![0.0; n],
@@ -168,33 +126,61 @@ impl Aft {
         self.grid.dims()
     }
 
-    /// The force on the motion with the coefficients `u`; `frequency` of every term and its `slope` along the parameter.
+    /// Room for a law of m coordinates.
+    fn shape(&mut self, m: usize) {
+        if self.m == m {
+            return;
+        }
+        self.m = m;
+        let (n, n_c) = (self.phase.len(), self.n_c);
+        for samples in [&mut self.u, &mut self.v, &mut self.dv, &mut self.f] {
+            samples.resize(m * n, 0.0);
+        }
+        for samples in [&mut self.f_u, &mut self.f_v] {
+            samples.resize(m * m * n, 0.0);
+        }
+        for coefficients in [&mut self.motion, &mut self.force, &mut self.force_slope] {
+            coefficients.resize(m * n_c, 0.0);
+        }
+        for blocks in [&mut self.jacobian, &mut self.damping] {
+            blocks.resize(m * m * n_c * n_c, 0.0);
+        }
+    }
+
+    /// The forces on the motion with the coefficients `u` (m, n_c); `frequency` of every term and its `slope` along the parameter.
     pub fn element(&mut self, force: &Force, u: &[f64], frequency: &[f64], slope: &[f64], want: Want) -> Result<()> {
-        let turned: Vec<f64>;
-        let u = if self.turn.is_empty() {
-            u
-        } else {
-            turned = rotated(u, &self.turn);
-            &turned
-        };
-        synthesise(&mut self.grid, &self.slots, &mut self.spectrum, u, &mut self.u);
-        self.motion.copy_from_slice(u);
-        if force.uses_velocity() {
-            derivative(u, frequency, &mut self.rate);
-            synthesise(&mut self.grid, &self.slots, &mut self.spectrum, &self.rate, &mut self.v);
-            if want == Want::Jacobian {
-                derivative(u, slope, &mut self.rate);
-                synthesise(&mut self.grid, &self.slots, &mut self.spectrum, &self.rate, &mut self.dv);
+        self.shape(force.coordinates());
+        let (n, n_c) = (self.phase.len(), self.n_c);
+        for (a, u) in u.chunks_exact(n_c).enumerate() {
+            let turned: Vec<f64>;
+            let u = if self.turn.is_empty() {
+                u
+            } else {
+                turned = rotated(u, &self.turn);
+                &turned
+            };
+            let own = a * n..(a + 1) * n;
+            synthesise(&mut self.grid, &self.slots, &mut self.spectrum, u, &mut self.u[own.clone()]);
+            self.motion[a * n_c..(a + 1) * n_c].copy_from_slice(u);
+            if force.uses_velocity() {
+                derivative(u, frequency, &mut self.rate);
+                synthesise(&mut self.grid, &self.slots, &mut self.spectrum, &self.rate, &mut self.v[own.clone()]);
+                if want == Want::Jacobian {
+                    derivative(u, slope, &mut self.rate);
+                    synthesise(&mut self.grid, &self.slots, &mut self.spectrum, &self.rate, &mut self.dv[own]);
+                }
+            } else {
+                self.v[own].fill(0.0);
             }
-        } else {
-            self.v.fill(0.0);
         }
         match force {
-            Force::Known(law, p) if law.has_rates() => self.follow(*law, p, frequency, slope, want)?,
-            Force::Known(law, p) if law.has_map() => self.march(*law, p, want)?,
-            Force::Known(law, p) => {
-                let ramps = if self.terms.is_empty() { Vec::new() } else { Ramp::of(*law, p) };
-                self.sample(*law, p, want);
+            Force::Known { law, numbers, start } if law.has_rates() => {
+                self.follow(*law, (numbers, start), frequency, slope, want)?;
+            }
+            Force::Known { law, numbers, start } if law.has_map() => self.march(*law, (numbers, start), want)?,
+            Force::Known { law, numbers, .. } => {
+                let ramps = if self.terms.is_empty() { Vec::new() } else { Ramp::of(*law, numbers) };
+                self.sample(*law, numbers, want);
                 self.leave_out(&ramps, want);
                 self.gather(law.uses_velocity(), frequency, want);
                 self.add_contacts(&ramps, want);
@@ -293,23 +279,30 @@ impl Aft {
         if want == Want::Force {
             return;
         }
-        self.grid.analyse(&self.f_u, &mut self.spectrum);
-        product_matrix(sampled(&self.slots, &self.spectrum), self.n_c, &mut self.jacobian);
+        let (n, block) = (self.phase.len(), self.n_c * self.n_c);
+        for pair in 0..self.m * self.m {
+            self.grid.analyse(&self.f_u[pair * n..][..n], &mut self.spectrum);
+            let out = &mut self.jacobian[pair * block..][..block];
+            product_matrix(sampled(&self.slots, &self.spectrum), self.n_c, out);
+        }
         self.force_slope.fill(0.0);
         if moving {
-            self.add_rate_terms(frequency);
+            (0..self.m * self.m).for_each(|pair| self.add_rate_terms(pair, frequency));
+            (0..self.m).for_each(|a| self.gather_slope(a));
         } else {
             self.damping.fill(0.0);
             self.f_v.fill(0.0);
         }
     }
 
-    fn add_rate_terms(&mut self, frequency: &[f64]) {
-        let n_c = self.n_c;
-        self.grid.analyse(&self.f_v, &mut self.spectrum);
-        product_matrix(sampled(&self.slots, &self.spectrum), n_c, &mut self.damping);
-        for row in 0..n_c {
-            let (jacobian, damping) = (&mut self.jacobian[row * n_c..][..n_c], &self.damping[row * n_c..][..n_c]);
+    /// The block of df/dv of a pair, and what it adds to that of the Jacobian.
+    fn add_rate_terms(&mut self, pair: usize, frequency: &[f64]) {
+        let (n_c, n) = (self.n_c, self.phase.len());
+        self.grid.analyse(&self.f_v[pair * n..][..n], &mut self.spectrum);
+        let own = pair * n_c * n_c..(pair + 1) * n_c * n_c;
+        let (jacobian, damping) = (&mut self.jacobian[own.clone()], &mut self.damping[own]);
+        product_matrix(sampled(&self.slots, &self.spectrum), n_c, damping);
+        for (jacobian, damping) in jacobian.chunks_exact_mut(n_c).zip(damping.chunks_exact(n_c)) {
             for (h, w) in frequency.iter().enumerate() {
                 let (cos, sin) = (2 * h + 1, 2 * h + 2);
                 // u' has the cosine coefficient w b and the sine coefficient -w a
@@ -317,16 +310,24 @@ impl Aft {
                 jacobian[sin] += w * damping[cos];
             }
         }
-        for i in 0..self.f.len() {
-            self.f[i] = self.f_v[i] * self.dv[i];
-        }
-        self.grid.analyse(&self.f, &mut self.spectrum);
-        collect(&self.slots, &self.spectrum, &mut self.force_slope);
     }
 
-    fn march(&mut self, law: AnyLaw, p: &[f64], want: Want) -> Result<()> {
+    /// How the force on coordinate a changes with the frequencies.
+    fn gather_slope(&mut self, a: usize) {
+        let (n, n_c) = (self.phase.len(), self.n_c);
+        let by_rates = self.f_v[a * self.m * n..][..self.m * n].chunks_exact(n).zip(self.dv.chunks_exact(n));
+        let changes = &mut self.f[a * n..][..n];
+        changes.fill(0.0);
+        for (f_v, dv) in by_rates {
+            changes.iter_mut().zip(f_v.iter().zip(dv)).for_each(|(change, (f_v, dv))| *change += f_v * dv);
+        }
+        self.grid.analyse(changes, &mut self.spectrum);
+        collect(&self.slots, &self.spectrum, &mut self.force_slope[a * n_c..][..n_c]);
+    }
+
+    fn march(&mut self, law: AnyLaw, (p, start): (&[f64], &[f64]), want: Want) -> Result<()> {
         let n = self.u.len();
-        let mut z = vec![0.0; law.n_memory()];
+        let mut z = start.to_vec();
         self.force_slope.fill(0.0);
         self.damping.fill(0.0);
         let Some(march) = self.memory.as_mut().filter(|_| want == Want::Jacobian) else {
@@ -342,7 +343,7 @@ impl Aft {
         // sliders of a parallel set do not see each other, so that each is marched by itself
         for i in 0..law.parallel() {
             let (part, numbers) = law.part(i)?;
-            march.slider(part, &p[numbers], &self.u, &mut self.f, self.n_c);
+            march.slider(part, (&p[numbers], start[i]), &self.u, &mut self.f, self.n_c);
         }
         self.analyse_columns();
         self.analyse_force();
@@ -350,7 +351,14 @@ impl Aft {
     }
 
     /// A law whose states have rates, its states periodic.
-    fn follow(&mut self, law: AnyLaw, p: &[f64], frequency: &[f64], slope: &[f64], want: Want) -> Result<()> {
+    fn follow(
+        &mut self,
+        law: AnyLaw,
+        (p, start): (&[f64], &[f64]),
+        frequency: &[f64],
+        slope: &[f64],
+        want: Want,
+    ) -> Result<()> {
         let n = self.u.len();
         let omega = frequency.first().map_or(f64::NAN, |w| w / self.first);
         let interval = std::f64::consts::TAU / (omega * n as f64);
@@ -366,7 +374,7 @@ impl Aft {
         for i in 0..law.parallel() {
             let (part, numbers) = law.part(i)?;
             let samples = Samples { u: &self.u, v: &self.v, interval };
-            let state = PeriodicState::new(part, &p[numbers], samples)?;
+            let state = PeriodicState::new(part, &p[numbers], samples, start[i])?;
             self.f.iter_mut().zip(&state.at).for_each(|(f, at)| *f += at.force[0]);
             let Some(march) = self.memory.as_mut().filter(|_| with_columns) else { continue };
             for c in 0..self.n_c {
@@ -407,13 +415,22 @@ impl Aft {
     }
 
     fn analyse_force(&mut self) {
-        self.grid.analyse(&self.f, &mut self.spectrum);
-        collect(&self.slots, &self.spectrum, &mut self.force);
+        let n = self.phase.len();
+        for (f, force) in self.f.chunks_exact(n).zip(self.force.chunks_exact_mut(self.n_c)) {
+            self.grid.analyse(f, &mut self.spectrum);
+            collect(&self.slots, &self.spectrum, force);
+        }
     }
 
-    /// Displacements of the last element at the samples.
-    pub fn displacements(&self) -> &[f64] {
-        &self.u
+    /// Displacements of a coordinate of the last element at the samples.
+    pub fn displacements(&self, coordinate: usize) -> &[f64] {
+        &self.u[coordinate * self.phase.len()..][..self.phase.len()]
+    }
+
+    /// Displacements and rates (m,) of the last element at a sample.
+    pub fn motion_at(&self, sample: usize) -> (Vec<f64>, Vec<f64>) {
+        let of = |x: &[f64]| x.iter().skip(sample).step_by(self.phase.len()).copied().collect();
+        (of(&self.u), of(&self.v))
     }
 
     /// Phases of the excitation at the samples.
@@ -421,9 +438,11 @@ impl Aft {
         &self.phase
     }
 
-    /// df/du and df/dv of the last element at the samples; only for laws without memory.
-    pub fn tangents(&self) -> (&[f64], &[f64]) {
-        (&self.f_u, &self.f_v)
+    /// df/du and df/dv of a force of the last element by one of its coordinates, at the samples; only for laws without memory.
+    pub fn tangents(&self, force: usize, by: usize) -> (&[f64], &[f64]) {
+        let n = self.phase.len();
+        let own = (force * self.m + by) * n..(force * self.m + by + 1) * n;
+        (&self.f_u[own.clone()], &self.f_v[own])
     }
 }
 
@@ -457,11 +476,11 @@ impl March {
         }
     }
 
-    /// One memory over two periods; adds force and columns of the second one.
-    fn slider(&mut self, law: AnyLaw, p: &[f64], u: &[f64], f: &mut [f64], n_c: usize) {
+    /// One memory over two periods from its start; adds force and columns of the second one.
+    fn slider(&mut self, law: AnyLaw, (p, start): (&[f64], f64), u: &[f64], f: &mut [f64], n_c: usize) {
         let n = u.len();
         let pd: Vec<Dual64> = p.iter().map(|&x| Dual64::from(x)).collect();
-        let (mut z, mut dz) = (0.0, vec![0.0; n_c]);
+        let (mut z, mut dz) = (start, vec![0.0; n_c]);
         for step in 0..2 * n {
             let j = step % n;
             let mut new = [Dual64::from(0.0)];

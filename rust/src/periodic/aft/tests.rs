@@ -1,5 +1,8 @@
 //! Jacobians against differences.
+use std::sync::Arc;
+
 use super::*;
+use crate::periodic::element::Sampled;
 
 fn check(code: i64, p: &[f64], basis: &Basis, dims: &[usize], omega: &[f64], tolerance: f64) {
     let law = AnyLaw::from_code(code, p.len()).unwrap();
@@ -7,7 +10,7 @@ fn check(code: i64, p: &[f64], basis: &Basis, dims: &[usize], omega: &[f64], tol
     let u: Vec<f64> = (0..n_c).map(|i| ((3 * i + 1) as f64).sin() / (1.0 + 0.3 * i as f64)).collect();
     let slope = basis.slope(0);
     let mut aft = Aft::new(basis, dims, true);
-    let known = Force::Known(law, p.to_vec());
+    let known = Force::known(law, p.to_vec());
     aft.element(&known, &u, &basis.frequencies(omega), &slope, Want::Jacobian).unwrap();
     let (jacobian, force_slope) = (aft.jacobian.clone(), aft.force_slope.clone());
     let h = 1e-6;
@@ -64,4 +67,55 @@ fn jacobian_of_quasi_periodic_motion() {
     let basis = Basis { indices, subharmonic: 1.0 };
     check(0, &[0.7], &basis, &[9, 10], &[1.3, 0.8], 1e-8);
     check(8, &[0.7], &basis, &[9, 12], &[1.3, 0.8], 1e-8);
+}
+
+/// F = (a u0 u1^2 + b v1, c u0^2 u1 + d u1 v0), whose blocks are not symmetric.
+struct Joined;
+
+impl Sampled for Joined {
+    fn coordinates(&self) -> usize {
+        2
+    }
+
+    fn evaluate(&self, u: &[f64], v: &[f64], f: &mut [f64], f_u: &mut [f64], f_v: &mut [f64]) -> Result<()> {
+        let (a, b, c, d) = (0.7, 0.31, -0.4, 0.23);
+        let n = u.len() / 2;
+        for i in 0..n {
+            let (x, y, vx, vy) = (u[i], u[n + i], v[i], v[n + i]);
+            (f[i], f[n + i]) = (a * x * y * y + b * vy, c * x * x * y + d * y * vx);
+            (f_u[i], f_u[n + i]) = (a * y * y, 2.0 * a * x * y);
+            (f_u[2 * n + i], f_u[3 * n + i]) = (2.0 * c * x * y, c * x * x + d * vx);
+            (f_v[i], f_v[n + i], f_v[2 * n + i], f_v[3 * n + i]) = (0.0, b, d * y, 0.0);
+        }
+        Ok(())
+    }
+}
+
+#[test]
+fn jacobian_of_a_law_of_two_coordinates() {
+    let (n_c, h) = (7, 1e-6);
+    let basis = Basis::periodic(&[1, 2, 3], 1);
+    let u: Vec<f64> = (0..2 * n_c).map(|i| ((3 * i + 1) as f64).sin() / (1.0 + 0.3 * i as f64)).collect();
+    let law = Force::Sampled(Arc::new(Joined));
+    let mut aft = Aft::new(&basis, &[32], false);
+    let mut made = |u: &[f64], omega: f64, want: Want| {
+        aft.element(&law, u, &basis.frequencies(&[omega]), &basis.slope(0), want).unwrap();
+        (aft.force.clone(), aft.jacobian.clone(), aft.force_slope.clone())
+    };
+    let (_, jacobian, force_slope) = made(&u, 1.3, Want::Jacobian);
+    for c in 0..=2 * n_c {
+        let moved = |by: f64| {
+            let mut moved = u.clone();
+            moved.iter_mut().skip(c).take(1).for_each(|x| *x += by);
+            (moved, if c == 2 * n_c { 1.3 + by } else { 1.3 })
+        };
+        let (high, low) = (moved(h), moved(-h));
+        let (high, low) = (made(&high.0, high.1, Want::Force).0, made(&low.0, low.1, Want::Force).0);
+        for row in 0..2 * n_c {
+            let difference = (high[row] - low[row]) / (2.0 * h);
+            let at = |c: usize| (2 * (row / n_c) + c / n_c) * n_c * n_c + (row % n_c) * n_c + c % n_c;
+            let exact = if c < 2 * n_c { jacobian[at(c)] } else { force_slope[row] };
+            assert!((difference - exact).abs() < 1e-8, "row {row} column {c}: {difference} {exact}");
+        }
+    }
 }
