@@ -114,7 +114,8 @@ class FunctionLaw(Law):
         return force, f_u, f_v
 
     def __repr__(self) -> str:
-        where = "" if self.w is None else f", w={np.array2string(self.w, threshold=6, separator=', ')}"
+        w = "" if self.w is None else " ".join(np.array2string(self.w, threshold=6, separator=", ").split())
+        where = w and f", w={w}"
         return f"FunctionLaw({getattr(self.function, '__name__', self.function)}{where})"
 
 

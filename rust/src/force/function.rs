@@ -49,7 +49,8 @@ impl FunctionLaw {
     /// # Errors
     /// A program that does not fit.
     pub fn traced(m: usize, n_params: usize, program: Program) -> Result<Self> {
-        if !(1..=MOST).contains(&m) || program.n_outputs() != m || program.n_inputs() > 1 + 2 * m + n_params {
+        few(m)?;
+        if program.n_outputs() != m || program.n_inputs() > 1 + 2 * m + n_params {
             let (n, out) = (program.n_inputs(), program.n_outputs());
             return Err(Error::model(format!(
                 "a program of {n} inputs and {out} results is not a law of {m} coordinates"
@@ -66,9 +67,7 @@ impl FunctionLaw {
     /// # Errors
     /// More than six coordinates.
     pub fn external(m: usize, call: impl Fn(f64, &[f64], &[f64]) -> Vec<f64> + Send + Sync + 'static) -> Result<Self> {
-        if !(1..=MOST).contains(&m) {
-            return Err(Error::model(format!("a law acts on up to {MOST} coordinates, not on {m}")));
-        }
+        few(m)?;
         let body = Body::External(External::new(call));
         Ok(FunctionLaw { m, n_params: 0, body: Arc::new(body), held: None, uses_rate: true, uses_time: true })
     }
@@ -159,6 +158,13 @@ impl FunctionLaw {
         }
         made
     }
+}
+
+fn few(m: usize) -> Result<()> {
+    if (1..=MOST).contains(&m) {
+        return Ok(());
+    }
+    Err(Error::model(format!("a law acts on one to {MOST} coordinates, not on {m}; divide it into several")))
 }
 
 type Call = Box<dyn Fn(f64, &[f64], &[f64]) -> Vec<f64> + Send + Sync>;
