@@ -40,7 +40,8 @@ mod table;
 mod van_der_pol;
 mod varying_stiffness;
 
-use num_dual::Dual;
+use nalgebra::Const;
+use num_dual::{Derivative, Dual, DualSVec64};
 
 pub use function::{External, FunctionLaw};
 pub use law::{At, Class, Crossing, Scalar, Side, Slider, State, Stored, Surface};
@@ -169,6 +170,19 @@ pub struct Relaxation {
     pub rate: f64,
 }
 
+/// Numbers with their slopes by u, v and a state z.
+pub type OfState = DualSVec64<3>;
+
+/// The one of these along which its slope is one.
+fn along(x: f64, which: usize) -> OfState {
+    OfState::new(x, Derivative::derivative_generic(Const::<3>, Const::<1>, which))
+}
+
+/// Numbers of a law, which depend on none of them.
+pub fn constants(p: &[f64]) -> Vec<OfState> {
+    p.iter().map(|x| OfState::from_re(*x)).collect()
+}
+
 /// Force and rate of a state z: values and slopes by u, v and z.
 #[derive(Debug, Clone, Copy)]
 pub struct StateSlopes {
@@ -274,22 +288,18 @@ impl AnyLaw {
     }
 
     /// Force and rate of a law with one state, with their slopes.
-    pub fn state_slopes(&self, u: f64, v: f64, p: &[f64], z: f64) -> StateSlopes {
-        let p: Vec<_> = p.iter().map(|x| Dual::<f64>::from_re(*x)).collect();
-        let along = |k: usize| {
-            let dual = |x: f64, i: usize| Dual::new(x, f64::from(u8::from(i == k)));
-            let (at, z) = (At { phase: 0.0, u: dual(u, 0), v: dual(v, 1) }, [dual(z, 2)]);
-            let mut rate = z;
-            self.law_rate(at, &p, &z, &mut rate);
-            (self.law_force(at, &p, &z, &mut []), rate[0])
+    pub fn state_slopes(&self, u: f64, v: f64, p: &[OfState], z: f64) -> StateSlopes {
+        let (at, z) = (At { phase: 0.0, u: along(u, 0), v: along(v, 1) }, [along(z, 2)]);
+        let mut rate = z;
+        self.law_rate(at, p, &z, &mut rate);
+        let all = |x: OfState| {
+            let slopes = x.eps.unwrap_generic(Const::<3>, Const::<1>);
+            [x.re, slopes[0], slopes[1], slopes[2]]
         };
-        let [(f_u, g_u), (f_v, g_v), (f_z, g_z)] = [along(0), along(1), along(2)];
-        StateSlopes {
-            z,
-            force: [f_u.re, f_u.eps, f_v.eps, f_z.eps],
-            rate: [g_u.re, g_u.eps, g_v.eps, g_z.eps],
-            rate_size: g_u.re.abs() + (u * g_u.eps).abs() + (v * g_v.eps).abs() + (z * g_z.eps).abs(),
-        }
+        let (force, rate) = (all(self.law_force(at, p, &z, &mut [])), all(rate[0]));
+        let sizes = [1.0, u, v, z[0].re];
+        let rate_size = rate.iter().zip(sizes).map(|(slope, size)| (slope * size).abs()).sum();
+        StateSlopes { z: z[0].re, force, rate, rate_size }
     }
 
     /// How its states answer small motions about rest at u, one for each state that relaxes.

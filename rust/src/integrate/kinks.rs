@@ -6,7 +6,7 @@
 use std::borrow::Cow;
 use std::sync::Arc;
 
-use crate::force::{AnyLaw, Crossing, Side, Slider, Surface};
+use crate::force::{AnyLaw, Crossing, Side, Slider, Surface, constants};
 use crate::multibody::System;
 use crate::multibody::connector::motion_of;
 use crate::multibody::topology::{BoundFunction, BoundLaw, Connector, Owner};
@@ -310,7 +310,8 @@ impl Equations<'_, f64> {
             for law in c.laws.iter().filter(|l| sharp(l, &self.x).next().is_some()) {
                 let (u, v) = moved[law.component];
                 let z = m.memory[law.places()].first().copied().unwrap_or(0.0);
-                let found = law.law.state_slopes(u, v, &self.x[law.x..law.x + law.law.n_params()], z);
+                let numbers = constants(&self.x[law.x..law.x + law.law.n_params()]);
+                let found = law.law.state_slopes(u, v, &numbers, z);
                 out.extend(found.force.into_iter().chain(found.rate).skip(1));
             }
             let (u, v): (Vec<f64>, Vec<f64>) = moved.into_iter().unzip();

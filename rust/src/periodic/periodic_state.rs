@@ -7,7 +7,7 @@
 //! The start z0 of the period is found by Newton's method on z(T) = z0, from the state at rest: where the motion leaves it free (a cycle that
 //! dissipates nothing) it stays as it is. E. Hairer, G. Wanner, Solving Ordinary Differential Equations II, 1996, table IV.5.7.
 use crate::error::{Error, Result};
-use crate::force::{AnyLaw, StateSlopes};
+use crate::force::{AnyLaw, OfState, StateSlopes, constants};
 use crate::solve::nan_or_largest;
 use crate::tolerances::periodic::ROW_ROUNDING;
 
@@ -18,6 +18,8 @@ const NEWTON_STEPS: usize = 40;
 /// Of a step, at most.
 const HALVINGS: i32 = 20;
 const PERIODS: usize = 200;
+/// Interval times slope of the rate below which a first guess follows the rate; only speed depends on it.
+const STRAIGHT: f64 = 0.5;
 
 /// Displacements and rates at the samples, and the time between two.
 #[derive(Clone, Copy)]
@@ -52,6 +54,7 @@ impl PeriodicState {
                 "laws whose state has a rate need an even number of samples; give another n_samples=",
             ));
         }
+        let p = &constants(p);
         let (mut z0, mut out) = (rest, PeriodicState { at: Vec::new(), interval: samples.interval, growth: 1.0 });
         for _ in 0..PERIODS {
             let end = out.march(law, p, samples, z0)?;
@@ -73,14 +76,17 @@ impl PeriodicState {
     }
 
     /// z(T) from z0, with the growth of a change of z0.
-    fn march(&mut self, law: AnyLaw, p: &[f64], samples: Samples<'_>, z0: f64) -> Result<f64> {
+    fn march(&mut self, law: AnyLaw, p: &[OfState], samples: Samples<'_>, z0: f64) -> Result<f64> {
         let (n, h) = (samples.u.len(), 2.0 * samples.interval);
         let at = |j: usize, z: f64| law.state_slopes(samples.u[j % n], samples.v[j % n], p, z);
         self.at.clear();
         let mut first = at(0, z0);
         let mut growth = 1.0;
         for j in (0..n).step_by(2) {
-            let guess = Pair { first, middle: at(j + 1, first.z), end: at(j + 2, first.z), h };
+            // where a step does not bend much its start tells where it leads
+            let onward = if h * first.rate[3].abs() < STRAIGHT { 0.5 * h * first.rate[0] } else { 0.0 };
+            let (middle, end) = (at(j + 1, first.z + onward), at(j + 2, first.z + 2.0 * onward));
+            let guess = Pair { first, middle, end, h };
             let Some(Pair { middle, end, .. }) = settled(guess, |k, z| at(j + k, z)) else {
                 return Err(Error::Convergence {
                     message: "the state of a law has no solution between two samples; take more with n_samples=".into(),
@@ -174,6 +180,9 @@ fn settled(mut here: Pair, at: impl Fn(usize, f64) -> StateSlopes) -> Option<Pai
         match tried.into_iter().find(|(part, next)| lower(*part, next)) {
             Some((_, next)) => here = next,
             None => break,
+        }
+        if here.is_solved() {
+            return Some(here);
         }
     }
     here.is_solved().then_some(here)
@@ -294,13 +303,14 @@ mod tests {
             let v: Vec<f64> = (0..n).map(|j| speed * (-a * turn(j).sin() + 3.0 * b * (3.0 * turn(j)).cos())).collect();
             let samples = Samples { u: &u, v: &v, interval };
             let mut state = PeriodicState { at: Vec::new(), interval, growth: 1.0 };
-            let Ok(end) = state.march(law, &p, samples, length * (random() - 0.5)) else {
+            let numbers = constants(&p);
+            let Ok(end) = state.march(law, &numbers, samples, length * (random() - 0.5)) else {
                 refused += 1;
                 continue;
             };
             accepted += 1;
             let z: Vec<f64> = state.at.iter().map(|at| at.z).chain([end]).collect();
-            let rate = |j: usize, z: f64| -> f64 { law.state_slopes(u[j % n], v[j % n], &p, z).rate[0] };
+            let rate = |j: usize, z: f64| -> f64 { law.state_slopes(u[j % n], v[j % n], &numbers, z).rate[0] };
             for j in (0..n).step_by(2) {
                 let g = [0, 1, 2].map(|k| rate(j + k, z[j + k]));
                 // a change of z by its rounding changes the rates
