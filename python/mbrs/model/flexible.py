@@ -335,7 +335,7 @@ def flexible_body(
         The integrals of its shapes, `mbrs.flexible.ModalBody`: of `mbrs.flexible.beam`, `craig_bampton`, or made
         by hand.
     at, orientation, pose, velocity, angular_velocity
-        Of the frame, as of `body`; the modal coordinates and their rates start at zero.
+        Of the frame, as of `body`; the modal coordinates and their rates start at zero, or where `State.deformed` puts them.
     modes
         How many of the modes, or their indices; all by default.
     nodes

@@ -67,6 +67,13 @@ _BENT = 0.2
 # outputs at which the error is estimated
 _COMPARED = 50
 
+# Errors that grow so many times, while the time grows fourfold or from the tolerance at once, are told. Larger: motions of which nothing
+# is left keep silent. Smaller: long motions are called sensitive.
+_GROWN = 1e3
+# The tolerance of fixed steps there.
+_FIXED = 1e-4
+# Places that are off by this part of the characteristic length say little.
+_LOST = 0.05
 # for derivatives, steps end at kinks of laws to rounding
 _EXACT = {"exact_kinks": 1.0}
 
@@ -530,14 +537,39 @@ def _estimated_error(traj: Trajectory, state: State, options: dict[str, Any]) ->
             made["acceleration"],
             list(traj.without),
         )
-    return max(factor * _distance(traj, compared, other), _rounding(traj))
+    apart = factor * _distances(traj, compared, other)
+    _warn_of_growth(traj, traj.t[compared], apart, options.get("rtol", _FIXED))
+    return max(float(apart.max()), _rounding(traj))
 
 
-def _distance(traj: Trajectory, compared: np.ndarray, other: dict[str, Any]) -> float:
-    """Largest distance of poses: over the characteristic length, and as an angle."""
+def _warn_of_growth(traj: Trajectory, times: np.ndarray, apart: np.ndarray, tolerance: float) -> None:
+    """Errors that grow as those of a chaotic motion do, or where a motion hangs on how it passes a pose."""
+    after, largest = times - traj.steps[0], np.maximum.accumulate(apart)
+    # errors that add up grow with the time, or its square: not so much while the time grows fourfold
+    later = np.minimum(np.searchsorted(after, 4.0 * after, side="right"), len(after)) - 1
+    grown = largest[later] > _GROWN * np.maximum(largest, tolerance)
+    if largest[0] > max(_GROWN * tolerance, _LOST):
+        early, t = tolerance, times[0]
+    elif grown.any():
+        first = int(np.argmax(grown))
+        early, t = (
+            max(largest[first], tolerance),
+            times[int(np.argmax(largest > min(_LOST, 0.5 * largest[later[first]])))],
+        )
+    else:
+        return
+    warn_user(
+        f"the motion amplifies errors: two runs, of nearly the same tolerance or step, are at first less than {early:.1e} and later "
+        f"{largest[-1]:.1e} apart (characteristic lengths or radians). It depends sensitively on its start, as chaotic motions do, or "
+        f"on how it passes a pose: from t = {t:.4g} s on places say little; shorten the time, or take averages"
+    )
+
+
+def _distances(traj: Trajectory, compared: np.ndarray, other: dict[str, Any]) -> np.ndarray:
+    """Largest distance of poses at each time: over the characteristic length, and as an angle."""
     p, q = traj.poses["position"][compared], traj.poses["orientation"][compared]
-    moved = np.linalg.norm(p - other["position"], axis=-1).max() / traj.snapshot.system.characteristic_length
+    moved = np.linalg.norm(p - other["position"], axis=-1) / traj.snapshot.system.characteristic_length
     chord = np.minimum(
         np.linalg.norm(q - other["orientation"], axis=-1), np.linalg.norm(q + other["orientation"], axis=-1)
     )
-    return float(max(moved, 2.0 * chord.max()))
+    return np.asarray(np.maximum(moved, 2.0 * chord).max(axis=-1, initial=0.0))

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Protocol
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from .._lib.checks import shown
+from .._lib.checks import real_array, shown
 from .._lib.warning import warn_user
 from ..errors import DoubtfulWarning, ModelError
 
@@ -76,6 +77,59 @@ class State:
     def moving(self) -> bool:
         """True where any rate is not zero."""
         return bool(np.any(self.rate))
+
+    def deformed(self, model: Any, body: Any, q: ArrayLike, rate: ArrayLike | None = None) -> State:
+        """The same with a flexible body bent: what starts ``at`` it begins there.
+
+        Parameters
+        ----------
+        model
+            The model of this state.
+        body
+            A flexible body of it, or its name.
+        q
+            (m,) its modal coordinates, in the units of its modes.
+        rate
+            (m,) their rates, per second; as they are without it.
+
+        Returns
+        -------
+        State
+            All other coordinates are kept: joints at nodes of the body are closed again by the motion that starts from it.
+
+        Raises
+        ------
+        ModelError
+            Not a flexible body of the model, or another number of values.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> import mbrs as mb
+        >>> m = mb.Model("boom")
+        >>> boom = m.flexible_body("boom", mb.flexible.beam(1.0, mass=1.0, EI_flap=1.0, EI_edge=4.0, modes=2))
+        >>> clamp = m.fixed("clamp", m.ground, boom.node("root"))
+        >>> start = mb.linearize(m).state.deformed(m, boom, 1e-3 * np.ones(boom.n_modes))
+        >>> traj = mb.simulate(m, t=0.01, at=start)
+        """
+        from ..model.tables import modal_part, modal_places, tables
+        from .compiled import compiled
+
+        name, held = getattr(body, "name", body), tables(model)
+        places = {model.bodies[number].name: place for number, place in modal_places(held)}
+        if name not in places:
+            known = ", ".join(map(repr, places)) or "none"
+            raise ModelError(f"{shown(name)} is not a flexible body of {model.name!r}; it has: {known}")
+        place = places[name]
+        rates = self.rate if self.rate.size else np.zeros(compiled(model).n_tree)
+        out = []
+        for what, values, given in (("q", self.q, q), ("rate", rates, rate)):
+            new = np.array(values, dtype=float)
+            if given is not None:
+                own = real_array(f"{what}= of {name!r}", given, (place.stop - place.start,))
+                modal_part(held, new)[place] = own
+            out.append(new)
+        return replace(self, q=out[0], rate=out[1], kind="given")
 
 
 class HasState(Protocol):

@@ -1,6 +1,7 @@
 //! From instant to instant: steps of fixed or controlled length, output times, breaks, and what happened when it ends early.
 mod judge;
 mod lengths;
+mod outputs;
 
 use crate::error::Result;
 use crate::multibody::System;
@@ -12,7 +13,7 @@ use super::kinks::AtKinks;
 use super::sides::Sides;
 use super::watch::{Mark, Seen, Watch};
 use super::way::{Aim, Uncounted, Verdict, Way, active, scaled};
-use super::{Equations, Instant, LocalError, Motion, Scheme, Step};
+use super::{Equations, Instant, LocalError, Scheme, Step};
 use crate::tolerances::constraints::CLOSED_ENOUGH;
 use crate::tolerances::singular_poses::{FARTHEST_CROSSING, LOOK};
 use crate::tolerances::steps::{FROM_REST, SAME_INSTANT};
@@ -36,6 +37,8 @@ struct Driver<'e, 's, 'p> {
     /// largest rate so far, in characteristic lengths or radians per second
     speed: f64,
     next_output: usize,
+    /// outputs within the step that is to be accepted
+    inside: Vec<Instant>,
     uncounted: Uncounted<'e, 's>,
     watch: Watch,
     sides: Option<Sides<'e, 's>>,
@@ -61,6 +64,7 @@ pub fn drive(
         start: start.motion.t,
         speed: 0.0,
         next_output: 0,
+        inside: Vec::new(),
         uncounted: Uncounted::new(eq),
         watch: Watch::new(eq, &start, counts),
         sides: with_kinks.then(|| Sides::new(eq, &start, plan.steps.tolerance(), plan.exact_kinks)).flatten(),
@@ -177,13 +181,15 @@ impl Driver<'_, '_, '_> {
             let noise = if per_unit { NOISE * self.eq.rounding(&way.here.motion) } else { 0.0 };
             let allowed = tolerance.max(finest).max(noise);
             let judged = self.judged(tried, way, (allowed, per_unit), (patience, power));
-            let going_on = match self.at_kinks(judged, eq, way, scheme, aim.length, counts) {
+            let judged = self.at_kinks(judged, eq, way, scheme, aim.length, counts);
+            let going_on = match self.at_outputs(judged, eq, way, scheme, &aim, counts) {
                 Verdict::Accepted(step, size, allowed) => {
                     self.accepted(eq, way, scheme, *step, (size, allowed), &aim, counts)?
                 }
                 Verdict::Rejected(factor, why) => self.rejected(way, scheme, aim.length * factor, why, counts),
                 Verdict::Turned(part) => self.turned(way, aim.length * part, counts),
                 Verdict::Kinked(part) => self.kinked(way, scheme, aim.length * part, counts),
+                Verdict::Cut(t) => self.cut(way, t, counts),
                 Verdict::Fatal(error) => {
                     self.stop(way.here.motion.t, error.to_string());
                     false
@@ -242,7 +248,7 @@ impl Driver<'_, '_, '_> {
         let memory = self.run.kept.as_ref().map(|_| step.end.motion.memory.clone());
         let active = active(&mut way.detour, scheme);
         way.kinked = active.per_unit_step() && self.passes_kink(&way.here.motion, &step.end.motion);
-        self.record(eq, active, &way.here, &mut step, aim.length, counts)?;
+        self.record(eq, &mut step, counts);
         self.run.formulas.push(active.formula());
         active.accept(eq, &way.here, &step, aim.length);
         self.run.keep(active, &step, (memory, aim.length), self.plan.kept);
@@ -256,7 +262,7 @@ impl Driver<'_, '_, '_> {
             }
         };
         way.h = next;
-        way.to_kink = None;
+        (way.to_kink, way.to_output) = (None, None);
         way.failures = 0;
         way.after_rejection = false;
         way.recent = aim.length;
@@ -308,7 +314,7 @@ impl Driver<'_, '_, '_> {
         counts: &mut Counts,
     ) -> bool {
         let t = way.here.motion.t;
-        way.to_kink = None;
+        (way.to_kink, way.to_output) = (None, None);
         self.sides.iter_mut().for_each(Sides::give_up);
         self.run.rejected += 1;
         counts.add("rejected steps", 1);
@@ -424,7 +430,7 @@ impl Driver<'_, '_, '_> {
     fn turned(&mut self, way: &mut Way, shorter: f64, counts: &mut Counts) -> bool {
         let t = way.here.motion.t;
         counts.add("turns of sliders", 1);
-        way.to_kink = None;
+        (way.to_kink, way.to_output) = (None, None);
         self.sides.iter_mut().for_each(Sides::give_up);
         way.failures += 1;
         way.h = shorter;
@@ -439,6 +445,7 @@ impl Driver<'_, '_, '_> {
     fn kinked(&mut self, way: &mut Way, scheme: &mut dyn Scheme, length: f64, counts: &mut Counts) -> bool {
         let t = way.here.motion.t;
         counts.add("steps to kinks", 1);
+        way.to_output = None;
         way.to_kink = (!self.vanishes(length, t)).then_some(length);
         if let (None, Some(sides)) = (way.to_kink, &mut self.sides) {
             scheme.reset();
@@ -455,48 +462,5 @@ impl Driver<'_, '_, '_> {
 
     fn stop(&mut self, t: f64, message: String) {
         self.run.end = End::Stopped { t, message };
-    }
-
-    /// Outputs up to the end of the step, then the memory of the laws.
-    fn record(
-        &mut self,
-        eq: &Equations<'_, f64>,
-        scheme: &mut dyn Scheme,
-        here: &Instant,
-        step: &mut Step,
-        h: f64,
-        counts: &mut Counts,
-    ) -> Result<()> {
-        let end = step.end.motion.t;
-        let mut inside = Vec::new();
-        let mut at_end = 0;
-        if let Some(times) = &self.plan.outputs {
-            while let Some(t) = times.get(self.next_output).filter(|t| **t <= end) {
-                if *t == end {
-                    at_end += 1;
-                } else {
-                    inside.push(*t);
-                }
-                self.next_output += 1;
-            }
-        }
-        if !inside.is_empty() {
-            let fractions: Vec<f64> = inside.iter().map(|t| (t - here.motion.t) / h).collect();
-            let motions: Vec<Motion<f64>> = scheme.between(eq, here, step, h, &fractions, counts)?;
-            for (mut m, t) in motions.into_iter().zip(inside) {
-                counts.add("interpolations", 1);
-                m.t = t;
-                let instant = eq.consistent(m, counts)?;
-                self.put(instant);
-            }
-        }
-        eq.remember(&mut step.end.motion, counts);
-        if self.plan.outputs.is_none() {
-            at_end = 1;
-        }
-        for _ in 0..at_end {
-            self.put(step.end.clone());
-        }
-        Ok(())
     }
 }

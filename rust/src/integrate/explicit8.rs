@@ -16,6 +16,7 @@ use crate::run::Counts;
 
 use super::dop853_numbers::{A, B, C, D, E3, E5, Row, STAGES};
 use super::explicit_minimal::Minimal;
+use super::refine::{self, Between, FOUR};
 use super::{Equations, Instant, LocalError, Motion, Scheme, Step};
 
 /// The estimate exceeds that of order 5 at most by this factor.
@@ -289,5 +290,28 @@ impl Scheme for Explicit8 {
             .collect();
         self.end = Some(ends);
         Ok(motions)
+    }
+
+    /// Accelerations at nodes of the polynomial of order seven make one of order eight.
+    fn outputs(
+        &mut self,
+        eq: &Equations<'_, f64>,
+        from: &Instant,
+        step: &Step,
+        h: f64,
+        fractions: &[f64],
+        counts: &mut Counts,
+    ) -> Result<Vec<Between>> {
+        let turned = self.end.as_ref().is_none_or(|own| eq.widest_rotation(&own.dy) >= std::f64::consts::PI);
+        if turned {
+            // rotation vectors from the start are ambiguous
+            let motions = self.between(eq, from, step, h, fractions, counts)?;
+            return Ok(motions.into_iter().map(Between::from).collect());
+        }
+        let inner = self.between(eq, from, step, h, FOUR.nodes, counts)?;
+        let Some(own) = &self.end else { return Ok(Vec::new()) };
+        let accelerations = (&*from.acceleration, &*step.end.acceleration);
+        let ends = refine::Ends { from: &from.motion, to: &step.end.motion, h, theta: &own.dy, accelerations };
+        refine::refined(eq, &ends, (&FOUR, &inner), fractions, counts)
     }
 }

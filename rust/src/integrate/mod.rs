@@ -20,7 +20,7 @@
 //! | `states` | internal states of laws |
 //! | `rotations` | three rotations that act together |
 //! | `held_rates` | tangents at constant rates |
-//! | `interpolate` | between two instants |
+//! | `interpolate`, `refine` | between two instants |
 //! | `kept` | the steps of a run, for its derivatives |
 //! | one file for each scheme | implements `Scheme` |
 pub mod ali3p;
@@ -45,6 +45,7 @@ pub mod kinks;
 pub mod methods;
 pub mod plan;
 pub mod radau;
+pub mod refine;
 mod reversal;
 pub mod rotations;
 mod share;
@@ -79,6 +80,7 @@ use crate::spatial::Real;
 use crate::tolerances::constraints::CLOSED_ENOUGH;
 use crate::tolerances::steps::SAME_INSTANT;
 use kept::Parts;
+use refine::Between;
 
 /// Where the model is, how it moves, and what its laws remember.
 #[derive(Debug, Clone)]
@@ -214,6 +216,26 @@ pub trait Scheme {
         _counts: &mut Counts,
     ) -> Result<Vec<Motion<f64>>> {
         Ok(interpolate::quintic(eq, from, &step.end, h, fractions))
+    }
+
+    /// The same for outputs, as accurate as the step; more may be evaluated for it.
+    fn outputs(
+        &mut self,
+        eq: &Equations<'_, f64>,
+        from: &Instant,
+        step: &Step,
+        h: f64,
+        fractions: &[f64],
+        counts: &mut Counts,
+    ) -> Result<Vec<Between>> {
+        let motions = self.between(eq, from, step, h, fractions, counts)?;
+        Ok(refine::with_own_rates(eq, from, &step.end, h, fractions, motions))
+    }
+
+    /// The error of such a motion, from how far its acceleration is from the slope of its rates; of schemes that can tell it. `filtered`:
+    /// without what is fast beside the step, for one solution.
+    fn misfit(&self, _h: f64, _difference: &[f64], _filtered: bool) -> Result<Option<LocalError>> {
+        Ok(None)
     }
 }
 

@@ -17,6 +17,8 @@ pub(super) struct Way {
     pub detour: Option<Detour>,
     /// the length of the next step, which is to end at a kink of a law
     pub to_kink: Option<f64>,
+    /// the output at which the next step is to end
+    pub to_output: Option<f64>,
     /// the last step passed a kink of a law
     pub kinked: bool,
     /// length of the last step that was accepted
@@ -98,6 +100,8 @@ pub(super) enum Verdict {
     Turned(f64),
     /// a step over a kink of a law: the length of another over its own
     Kinked(f64),
+    /// the curve within the step is not accurate at the output of this time
+    Cut(f64),
     Fatal(Error),
 }
 

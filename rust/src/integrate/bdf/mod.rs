@@ -27,6 +27,7 @@ use crate::tolerances::motion::SAFETY;
 use super::interpolate::quintic;
 use super::kept::Parts;
 use super::radau::{FIVE, Radau};
+use super::refine::{Between, Ends, TWO, refined};
 use super::{Equations, Instant, LocalError, Motion, Scheme, Step};
 use crate::multibody::rotations::rotation_triples;
 use begin::{Begin, OneStep};
@@ -351,6 +352,35 @@ impl Scheme for Bdf {
     /// In a stiff scene rates count by what they move within a step: fast vibrations that move little may be stepped over.
     fn rate_time(&self, h: f64) -> f64 {
         if self.stiff == Some(true) { h } else { f64::INFINITY }
+    }
+
+    fn outputs(
+        &mut self,
+        eq: &Equations<'_, f64>,
+        from: &Instant,
+        step: &Step,
+        h: f64,
+        fractions: &[f64],
+        counts: &mut Counts,
+    ) -> Result<Vec<Between>> {
+        if let (None, Begin::OneStep(start)) = (&self.history, &mut self.begin) {
+            return start.scheme.outputs(eq, from, step, h, fractions, counts);
+        }
+        if self.history.is_some() && self.stiff != Some(true) {
+            let motions = quintic(eq, from, &step.end, h, TWO.nodes);
+            let theta = eq.difference(&from.motion, &step.end.motion);
+            let accelerations = (&*from.acceleration, &*step.end.acceleration);
+            let ends = Ends { from: &from.motion, to: &step.end.motion, h, theta: &theta, accelerations };
+            return refined(eq, &ends, (&TWO, &motions), fractions, counts);
+        }
+        Ok(self.between(eq, from, step, h, fractions, counts)?.into_iter().map(Between::from).collect())
+    }
+
+    fn misfit(&self, h: f64, difference: &[f64], filtered: bool) -> Result<Option<LocalError>> {
+        match (&self.history, &self.begin) {
+            (None, Begin::OneStep(start)) => start.scheme.misfit(h, difference, filtered),
+            _ => Ok(None),
+        }
     }
 
     /// In a stiff scene accelerations hold the vibration that steps go over: outputs then lie on the polynomial of the method.

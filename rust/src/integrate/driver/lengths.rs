@@ -19,7 +19,17 @@ impl Driver<'_, '_, '_> {
                 first.unwrap_or_else(|| self.first_step(&here, rtol, scheme.order())).min(longest)
             }
         };
-        Way { here, h, failures: 0, after_rejection: false, detour: None, to_kink: None, kinked: false, recent: 0.0 }
+        Way {
+            here,
+            h,
+            failures: 0,
+            after_rejection: false,
+            detour: None,
+            to_kink: None,
+            to_output: None,
+            kinked: false,
+            recent: 0.0,
+        }
     }
 
     /// The length of the next step, and what it ends at.
@@ -28,6 +38,9 @@ impl Driver<'_, '_, '_> {
             return Aim { length, target: None, broken: None };
         }
         let t = way.here.motion.t;
+        if let Some(until) = way.to_output {
+            return Aim { length: until - t, target: Some(until), broken: None };
+        }
         let (mut length, mut target) = self.fitted(&way.here, way.h);
         if let Some(until) = way.detour.as_ref().and_then(|d| d.end_within(t, length)) {
             (length, target) = (until - t, Some(until));

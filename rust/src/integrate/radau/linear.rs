@@ -177,6 +177,12 @@ impl Linear {
         Ok(Some((position, slow.as_slice().to_vec())))
     }
 
+    /// Differences of accelerations without what is fast beside the step.
+    pub fn damped(&self, difference: &[f64]) -> Result<Vec<f64>> {
+        let Some(factors) = &self.factors else { return Ok(difference.to_vec()) };
+        Ok(self.slower(&factors.real, &DVector::from_column_slice(difference))?.as_slice().to_vec())
+    }
+
     /// Rates without those of vibrations and decays that are fast beside a filter's time.
     fn slower(&self, filter: &Kkt, rate: &DVector<f64>) -> Result<DVector<f64>> {
         let (f, g) = (self.mass.times(rate.as_slice()), self.jacobian.times(rate.as_slice()));

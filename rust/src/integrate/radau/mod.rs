@@ -13,6 +13,7 @@
 //! E. Hairer, G. Wanner, Stiff differential equations solved by Radau methods, J. Comput. Appl. Math. 111 (1999) 93-111.
 mod linear;
 mod numbers;
+mod outputs;
 
 use nalgebra::DVector;
 
@@ -22,9 +23,10 @@ use crate::tolerances::constraints::CLOSED_ENOUGH;
 use crate::tolerances::motion::{NEWTON_ITERATIONS, ROTATION_REPETITIONS, SAFETY};
 
 use super::explicit8::RecordedStage;
-use super::interpolate::{inside, quintic};
+use super::interpolate::quintic;
 use super::kept::Parts;
 use super::methods::STIFF;
+use super::refine::Between;
 use super::{Equations, Instant, LocalError, Motion, Scheme, Step, least_motion, scaled_size};
 use crate::tolerances::steps::{
     AGED, FEW, FIXED_SOLVED, LEVEL, PATIENCE, RECORDED_ITERATIONS, SHARE_OF_TOLERANCE, SLOW, WORTHWHILE,
@@ -349,34 +351,6 @@ impl Radau {
         let h = (trial.motions[0].t - from.motion.t) / self.tableau.c[0];
         eq.filtered_states(&trial.motions[0], &slopes, h / mu)
     }
-
-    /// Between start and end: theta' is the polynomial through those of the start and of all stages, of degree s; the cubic of what the
-    /// projection moved is added.
-    fn through_stages(
-        &self,
-        eq: &Equations<'_, f64>,
-        from: &Instant,
-        to: &Instant,
-        (h, trial): (f64, &Trial),
-        fractions: &[f64],
-    ) -> Vec<Motion<f64>> {
-        let slope = |(theta, m): (&Vec<f64>, &Motion<f64>)| eq.increment_rates(theta, &m.rate);
-        let stages = trial.theta.iter().zip(&trial.motions).map(slope);
-        let slopes: Vec<Vec<f64>> = std::iter::once(from.motion.rate.clone()).chain(stages).collect();
-        let end = eq.difference(&from.motion, &to.motion);
-        let speed = eq.increment_rates(&end, &to.motion.rate);
-        let ((moved, _), last) = (self.tableau.curve(1.0, h, &slopes), &slopes[slopes.len() - 1]);
-        let curve = |x: f64| {
-            let (mut theta, mut rate) = self.tableau.curve(x, h, &slopes);
-            for i in 0..theta.len() {
-                let (r, d) = (end[i] - moved[i], h * (speed[i] - last[i]));
-                theta[i] += x * x * (r * (3.0 - 2.0 * x) + d * (x - 1.0));
-                rate[i] += x * (6.0 * r * (1.0 - x) + d * (3.0 * x - 2.0)) / h;
-            }
-            (theta, rate)
-        };
-        inside(eq, from, to, (h, fractions), &curve)
-    }
 }
 
 fn failed(message: String, residual: f64) -> Error {
@@ -482,18 +456,25 @@ impl Scheme for Radau {
         if let Some(own) = self.tried.as_ref().filter(|_| self.tableau.stages() > QUINTIC) {
             return Ok(self.through_stages(eq, from, &step.end, (h, &own.trial), fractions));
         }
-        // accelerations of the stages: those of a projected instant hold the vibration that steps go over
-        let last = |p: &Option<Past>, t: f64| {
-            let stages = p.as_ref().filter(|p| p.t == t).map(|p| &p.stages);
-            stages.and_then(|s| s.a.last()).map(|a| a.as_slice().to_vec())
-        };
-        let with = |i: &Instant, a: Option<Vec<f64>>| match a {
-            Some(acceleration) => Instant { acceleration, ..i.clone() },
-            None => i.clone(),
-        };
-        let start = with(from, last(&self.past, from.motion.t));
-        let own = self.tried.as_ref().and_then(|p| p.stages.a.last()).map(|a| a.as_slice().to_vec());
-        Ok(quintic(eq, &start, &with(&step.end, own), h, fractions))
+        let (start, end) = self.end_accelerations(from, step);
+        let with = |i: &Instant, acceleration| Instant { acceleration, ..i.clone() };
+        Ok(quintic(eq, &with(from, start), &with(&step.end, end), h, fractions))
+    }
+
+    fn outputs(
+        &mut self,
+        eq: &Equations<'_, f64>,
+        from: &Instant,
+        step: &Step,
+        h: f64,
+        fractions: &[f64],
+        counts: &mut Counts,
+    ) -> Result<Vec<Between>> {
+        self.outputs_within(eq, from, step, h, fractions, counts)
+    }
+
+    fn misfit(&self, h: f64, difference: &[f64], filtered: bool) -> Result<Option<LocalError>> {
+        self.misfit_of(h, difference, filtered).map(Some)
     }
 
     fn reset(&mut self) {

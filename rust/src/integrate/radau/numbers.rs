@@ -44,6 +44,15 @@ impl Tableau {
         lagrange(self.c, x)
     }
 
+    /// Weights with which slopes at the stages give the integral of their polynomial up to a fraction of the step.
+    pub fn integrals(&self, x: f64) -> Vec<f64> {
+        let mut out = vec![0.0; self.stages()];
+        for (c, b) in self.c.iter().zip(self.a[self.stages() - 1]) {
+            out.iter_mut().zip(lagrange(self.c, x * c)).for_each(|(o, l)| *o += x * b * l);
+        }
+        out
+    }
+
     /// The polynomial through slopes at the start and at the stages, at a fraction of the step: its integral from the start, exact by the
     /// quadrature of the method, and itself.
     pub fn curve(&self, x: f64, h: f64, slopes: &[Vec<f64>]) -> (Vec<f64>, Vec<f64>) {
@@ -64,10 +73,20 @@ impl Tableau {
 }
 
 /// Weights with which values at the nodes give that of their polynomial at x.
-fn lagrange(nodes: &[f64], x: f64) -> Vec<f64> {
+pub fn lagrange(nodes: &[f64], x: f64) -> Vec<f64> {
     let factor = |j: usize, k: usize| (x - nodes[k]) / (nodes[j] - nodes[k]);
     let all = 0..nodes.len();
     all.clone().map(|j| all.clone().filter(|k| *k != j).map(|k| factor(j, k)).product()).collect()
+}
+
+/// The same for the slope of that polynomial.
+pub fn lagrange_slopes(nodes: &[f64], x: f64) -> Vec<f64> {
+    let all = 0..nodes.len();
+    let without = |j: usize, k: usize| {
+        let others = all.clone().filter(move |m| *m != j && *m != k);
+        others.map(|m| (x - nodes[m]) / (nodes[j] - nodes[m])).product::<f64>() / (nodes[j] - nodes[k])
+    };
+    all.clone().map(|j| all.clone().filter(|k| *k != j).map(|k| without(j, k)).sum()).collect()
 }
 
 /// A pair as a complex number.
@@ -189,6 +208,10 @@ mod tests {
         for x in [0.0, 0.3, 1.0] {
             let slopes: Vec<Vec<f64>> =
                 std::iter::once(&0.0).chain(t.c).map(|c| vec![2.0 - c + c.powi(s as i32)]).collect();
+            let powers: Vec<f64> = t.c.iter().map(|c| c.powi(s as i32 - 1)).collect();
+            let sum = |weights: Vec<f64>| weights.iter().zip(&powers).map(|(w, p)| w * p).sum::<f64>();
+            assert!((sum(t.integrals(x)) - x.powi(s as i32) / s as f64).abs() < 1e-14);
+            assert!((sum(lagrange_slopes(t.c, x)) - (s as f64 - 1.0) * x.powi(s as i32 - 2)).abs() < 1e-12);
             let (value, slope) = t.curve(x, 0.5, &slopes);
             let whole = 2.0 * x - x * x / 2.0 + x.powi(s as i32 + 1) / (s as f64 + 1.0);
             assert!((value[0] - 0.5 * whole).abs() < 1e-14);
