@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from itertools import pairwise
 
 import mbrs as mb
@@ -253,6 +254,33 @@ def test_parameters_equilibria_and_large_models():
     body = rigid.body("a", mass=1.0, inertia=(0.1, 0.2, 0.3), at=rng.normal(size=3))
     rigid.bushing("k", rigid.ground, body, at=(0.1, 0.2, 0.3), k=(1.0, 2.0, 3.0, 4.0, 5.0, 6.0))
     assert np.array_equal(mb.modes(rigid).discretisation, np.zeros(6))
+
+
+def test_it_is_found_beside_the_error():
+    """The table says where it is, shows it once it was asked for, and copies and files do not ask for it."""
+    m = mb.Model("beam")
+    m.fixed(
+        "root",
+        m.ground,
+        m.flexible_body("b", mb.flexible.beam(1.3, mass=1.1, EI_flap=2.0, EI_edge=3.0, elements=4)).node("root"),
+    )
+    found = mb.modes(m)
+    assert ".discretisation" in str(found) and "meshes" not in str(found).split("\n")[1]
+    copy = pickle.loads(pickle.dumps(found.replaced(status="other")))
+    assert copy.discretisation is None
+    largest = found.discretisation.max()
+    assert 1e-6 < largest < 0.1 and "meshes" in str(found)
+    assert np.array_equal(pickle.loads(pickle.dumps(found)).discretisation, found.discretisation)
+    rigid = mb.Model("rigid")
+    rigid.prismatic(
+        "rail",
+        rigid.ground,
+        rigid.body("a", mass=1.0, inertia=(0.1, 0.2, 0.3)),
+        at=(0, 0, 0),
+        axis=(0.3, 0.2, 0.1),
+        k=3.0,
+    )
+    assert "discretisation" not in str(mb.modes(rigid))
 
 
 def test_what_has_no_estimate_is_refused():

@@ -15,6 +15,7 @@ import numpy as np
 from .. import _core
 from .._lib.text import counted, number, without_rounding
 from ..errors import NameNotFoundError, RouteError
+from ..model.flexible import FlexibleBody
 from ..model.names import index
 from ..results import FIXED_LABELS, Late, Result, Stats, added_counts, derived, quantity, result
 from .energy_shares import EnergyShares, energy_shares
@@ -249,6 +250,9 @@ class ModalResult(Result):
     def rows(self) -> tuple[list[str], list[list[Any]]]:
         """Columns and rows of the table that `print` shows."""
         columns = ["mode", "f_n [Hz]", "f_d [Hz]", "zeta", "kind", "group", "dominant", "residual"]
+        meshes: Any = self.__dict__["discretisation"]
+        known = self._flexible and meshes is not None and not callable(meshes)
+        columns += ["meshes"] * known
         dominant = dominant_in(self)
         damping = [without_rounding(d, 1.0, e) for d, e in zip(self.damping, self.error, strict=True)]
         names = {i: k + 1 for k, g in enumerate(self.groups) for i in g}
@@ -262,6 +266,7 @@ class ModalResult(Result):
                 names.get(i, ""),
                 dominant[i],
                 number(float(self.backward_error[i]), 2),
+                *([number(float(meshes[i]), 2)] if known else []),
             ]
             for i in range(self.n)
         ]
@@ -278,7 +283,14 @@ class ModalResult(Result):
             notes.append("f_n = |s|/2pi is the undamped natural frequency only for underdamped proportional damping.")
         if np.any(self.near_defective):
             notes.append("* near-defective: two roots almost meet (critical damping).")
+        if self._flexible:
+            notes.append("The error of the meshes and shapes of flexible bodies is in .discretisation, not in .error.")
         return notes
+
+    @property
+    def _flexible(self) -> bool:
+        bodies = getattr(getattr(self.system, "model", None), "bodies", ())
+        return any(isinstance(b, FlexibleBody) for b in bodies)
 
     def plot(
         self,
