@@ -41,25 +41,46 @@ PRELUDE = """
         resource.setrlimit(resource.RLIMIT_AS, (most, most))
 """
 
-# name: what is made before the limit, the call, what the message has to name
+# name: what is made before the limit, the call, what the message has to name, and what helps
 CALLS = {
-    "all modes of a model": ("m = bodies(n)", "mb.modes(m)", "linearisation|modes"),
-    "equilibrium": ("m = bodies(n)", "mb.equilibrium(m)", "equilibrium"),
+    "all modes of a model": ("m = bodies(n)", "mb.modes(m)", "linearisation|modes", r"mb\.modes\(m, n=\.\.\.\)|\(n=\)"),
+    "equilibrium": (
+        "m = bodies(n)",
+        "mb.equilibrium(m)",
+        "equilibrium",
+        r"drawn in balance.*mb\.modes\(m, n=\.\.\.\).*divide the model",
+    ),
     "transfer function of a model": (
         "m = bodies(n)",
         "mb.frf(m, inputs=['b0.force.x'], outputs=['b1.motion.x'], frequency=[1.0, 2.0])",
         "linearisation|reduction",
+        "divide the model|reduce the system",
     ),
-    "motion": ("m = bodies(n)", "mb.simulate(m, t=1e-4, step=1e-4, method='generalized-alpha')", "motion"),
+    "motion": (
+        "m = bodies(n)",
+        "mb.simulate(m, t=1e-4, step=1e-4, method='generalized-alpha')",
+        "motion",
+        "divide the model",
+    ),
     "modes of matrices": (
         "s = mb.MechanicalSystem(np.eye(n), np.diag(np.arange(1.0, n + 1)), np.diag(np.arange(1.0, n + 1)))",
         "mb.modes(s)",
         "modes",
+        r"\(n=\) of sparse matrices|give them sparse",
     ),
     "reduction": (
         "s = mb.MechanicalSystem(np.eye(n), None, np.diag(np.arange(1.0, n + 1)))",
         "mb.frf(s, 0, 0, omega=[0.3, 0.7])",
         "reduction",
+        "give sparse matrices|give them sparse",
+    ),
+}
+# the same by what is proposed
+REMEDIES = {
+    "equilibrium": ("m = bodies(n)", "mb.modes(m, n=3)"),
+    "reduction": (
+        "import scipy.sparse as sp; s = mb.MechanicalSystem(sp.eye(n).tocsr(), None, sp.diags(np.arange(1.0, n + 1)).tocsr())",
+        "mb.frf(s, 0, 0, omega=[0.3, 0.7])",
     ),
 }
 
@@ -71,7 +92,7 @@ CALLS = {
 def test_a_route_that_does_not_fit_is_refused_in_time(what, part):
     """Limits below what the route asks for: refused at any of them. ``part`` is that of 60 square matrices."""
     n = 1500
-    made, call, named = CALLS[what]
+    made, call, named, remedy = CALLS[what]
     code = f"""
         n = {n}
         {made}
@@ -88,14 +109,31 @@ def test_a_route_that_does_not_fit_is_refused_in_time(what, part):
     if not text.startswith("granted"):
         sizes = rf"({named}).* would take about [\d.]+ [kMGTP]B of memory, of which [\d.]+ "
         assert re.search(sizes, text) or "a stack of 64 MB, which could not be started" in text, text
-        assert len(text.split("; ")[-1]) > 10, "no remedy"
+        assert re.search(remedy, text) or "raise the limits" in text, text
     assert text.startswith("refused") or part > 0.1
+
+
+@pytest.mark.parametrize("what", list(REMEDIES))
+def test_what_a_refusal_proposes_fits_where_the_call_does_not(what):
+    """In 100 MB, of which a square matrix takes a fifth."""
+    n = 1500
+    for made, call, text in ((*CALLS[what][:2], "refused"), (*REMEDIES[what], "granted")):
+        code = f"""
+            n = {n}
+            {made}
+            try:
+                {call}
+                print("granted")
+            except RouteError:
+                print("refused")
+        """
+        assert _run(code, MBRS_MEMORY="1e8") == text, call
 
 
 @pytest.mark.slow
 def test_the_refusal_is_not_a_habit():
     """The same routes with room are granted."""
-    for what, (made, call, _) in CALLS.items():
+    for what, (made, call, *_) in CALLS.items():
         assert _run(f"n = 60\n{made}\nlimited(1.2e9)\n{call}\nprint('granted')", indent=False) == "granted", what
 
 

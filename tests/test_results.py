@@ -85,6 +85,34 @@ def test_converged_has_an_estimate(results, name):
         assert result.error is not None and not np.any(np.isnan(np.asarray(result.error, dtype=float)))
 
 
+# whose errors are not a share of the result, or not of it alone, and what judges them
+JUDGED = {
+    "ModalResult": "rigid modes have a frequency; by kind",
+    "CampbellResult": "the same; the modes at each speed",
+    "Correlation": "the same; its modes",
+    "Linearization": "forces of motions are not in balance; at rest the balance",
+    "LinearizationSensitivity": "the linearisation",
+    "SteadyMotion": "what means leave out; the residual of the state",
+    "AccuracyStudy": "errors of runs, which it measures",
+}
+
+
+@ALL
+def test_a_large_error_never_passes(results, name):
+    """Whatever made a result: with an error of a fifth, or one that is not a number, it is not converged."""
+    result = results(name)
+    kind = type(result)
+    assert (kind.largest_error == np.inf) == (kind.__name__ in JUDGED)
+    if kind.__name__ == "System":
+        return  # has no estimate, and is made of a model alone
+    size = np.shape(result.error) if result.error is not None else ()
+    for bad in (0.2, np.nan, np.inf):
+        if kind.__name__ not in JUDGED or np.isnan(bad):
+            assert result.replaced(error=np.full(size, bad) if size else bad, status="converged").status == "unresolved"
+    fine = result.replaced(error=np.full(size, 0.01) if size else 0.01, status="converged")
+    assert fine.status == "converged"
+
+
 @pytest.mark.some(25)
 @ALL
 def test_results_draw(results, name):

@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -25,6 +24,9 @@ if TYPE_CHECKING:
 _F = TypeVar("_F", bound=Callable[..., Any])
 _C = TypeVar("_C", bound=type)
 _AXIS, _TWIST = ("x", "y", "z"), ("x", "y", "z", "rx", "ry", "rz")
+# Largest estimated error, relative, under which any result may be called converged; most have a smaller limit of their own. Larger: what
+# has no right digit passes for a solution. Smaller: truncated series of rough laws never converge. Pinned by tests/test_results.py.
+LARGEST_ERROR = 0.1
 # Labels of dimensions that mean the same in every result.
 FIXED_LABELS: Mapping[str, tuple[str, ...]] = {
     "axis": _AXIS,
@@ -101,7 +103,7 @@ def derived(*, dims: Sequence[str] = (), unit: str = "", label: str = "", name: 
     return mark
 
 
-class _Late:
+class Late:
     """A field of a result: a value, or a function of the result that computes it when it is first read."""
 
     def __init__(self, name: str, default: Any) -> None:
@@ -134,25 +136,29 @@ class Result:
     error
         An estimate computed with the result (relative unless the class says otherwise), or when it is first read.
     status
-        A named reason. "converged" needs an estimate: without one the word is "computed". Where it depends on an estimate that is computed
-        when it is first read, so is the status.
+        A named reason. "converged" needs an estimate of at most 0.1, and of what the class asks for; without one the word is
+        "computed". Where it depends on an estimate that is computed when it is first read, so is the status.
     """
 
     stats: Stats = field(default_factory=Stats, kw_only=True)
-    error: Any = field(default=_Late("error", None), kw_only=True)
-    status: str = field(default=cast(Any, _Late("status", "converged")), kw_only=True)
+    error: Any = field(default=Late("error", None), kw_only=True)
+    status: str = field(default=cast(Any, Late("status", "converged")), kw_only=True)
 
     # the dimension of the rows of `to_frame`; the attributes that label dimensions; the dimensions of `error`
     row: ClassVar[str] = ""
     axes: ClassVar[Mapping[str, str]] = {}
     error_dims: ClassVar[tuple[str, ...]] = ()
+    # an error above which nothing is called converged, whatever made it; larger only where the error is not a share of the result
+    largest_error: ClassVar[float] = LARGEST_ERROR
+    # fields that may be functions of the result, computed when they are first read
+    late: ClassVar[tuple[str, ...]] = ("error", "status")
 
     def __post_init__(self) -> None:
         error, status = self.__dict__.get("error"), self.__dict__.get("status")
         if status == "converged" and not callable(error):
             if error is None or np.size(error) == 0:
                 object.__setattr__(self, "status", "computed")
-            elif math.isnan(error) if type(error) is float else np.isnan(np.asarray(error, dtype=float)).any():
+            elif not (np.asarray(error, dtype=float) <= self.largest_error).all():  # nan is not
                 object.__setattr__(self, "status", "unresolved")
 
     @classmethod
@@ -310,7 +316,7 @@ class Result:
 
     def replaced(self, **changes: object) -> Self:
         """A copy with other fields; an estimate that was not asked for yet stays so."""
-        late = {name: self.__dict__[name] for name in ("error", "status")}
+        late = {name: self.__dict__[name] for name in self.late}
         return dataclasses.replace(self, **{**late, **changes})
 
     def __getstate__(self) -> dict[str, Any]:

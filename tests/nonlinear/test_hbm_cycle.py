@@ -8,7 +8,8 @@ import pytest
 from mbrs.errors import ConvergenceError, ModelError
 from mbrs.examples import van_der_pol
 from mbrs.linear.matrices import MechanicalSystem
-from mbrs.model.laws import Cubic, Gap, Jenkins, VanDerPol
+from mbrs.model.laws import Cubic, Gap, Jenkins, Polynomial1D, VanDerPol
+from mbrs.nonlinear import cycle_start
 from mbrs.nonlinear.limit_cycle import limit_cycle
 from mbrs.reference import hbm_shooting
 
@@ -74,6 +75,39 @@ def test_flutter_with_a_cubic_spring():
     assert found.period == pytest.approx(period, rel=1e-9) and found.error < 1e-7
     multipliers = np.sort(np.abs(np.exp(found.exponents * found.period)))
     assert multipliers == pytest.approx(np.sort(np.abs(np.linalg.eigvals(phi))), abs=1e-5)
+
+
+@pytest.mark.some(4)
+@pytest.mark.parametrize("law", ["spring", "damper", "friction"])
+@pytest.mark.parametrize("seed", range(6))
+def test_flutter_needs_no_motion_in_time(seed, law, monkeypatch):
+    """Two to four freedoms in coordinates of mixed units: one harmonic of a mode that bends with its amplitude is near enough."""
+    evaluations = []
+
+    def counted(rate):
+        evaluations.append(rate)
+        raise AssertionError("a motion in time was begun")
+
+    monkeypatch.setattr(cycle_start, "Bounded", counted)
+    rng = np.random.default_rng(seed)
+    n = 2 + seed % 3
+    S, directions = np.diag(np.exp(rng.uniform(-3, 3, n))), rng.normal(size=(n, n))
+    K = np.diag(rng.uniform(1.0, 1.2, n))
+    N = 0.3 * np.triu(np.ones((n, n)), 1) * rng.choice([-1, 1])
+    made = {
+        "spring": lambda w: Cubic(1.0, w=w),
+        "damper": lambda w: VanDerPol(0.4, w=w),
+        "friction": lambda w: Polynomial1D([0.0, 0.0, 0.0, 0.1], [0.0, 0.0, 0.0, 0.3], w=w),
+    }[law]
+    elements = [made(S @ w) for w in directions]
+    system = MechanicalSystem(S @ S, 0.02 * S @ S, S @ K @ S, N=S @ (N - N.T) @ S, elements=elements)
+    found = limit_cycle(system, harmonics=9)
+    print(f"{law} {seed}: {found.status}, {found.stats.counts}, error {found.error:.1e}, stable {found.stable}")
+    assert found.status == "converged" and not evaluations
+    assert found.stats.counts["evaluations"] <= 12
+    state = np.concatenate([found.displacement(0.0)[:, 0], found.velocity(0.0)[:, 0]])
+    _, period, _ = hbm_shooting.cycle(system, {}, state, found.period)
+    assert found.period == pytest.approx(period, rel=max(1e-9, 10 * found.error))
 
 
 def test_static_load_shifts_the_cycle():

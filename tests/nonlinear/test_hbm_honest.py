@@ -130,6 +130,23 @@ def test_the_largest_displacement_by_many_harmonics():
     assert dense <= one.largest(0) * (1 + 1e-12) and one.largest(0) < 1.003 * dense
 
 
+def test_the_work_of_the_largest_displacement_grows_like_the_harmonics(monkeypatch):
+    """Numbers that are transformed and exponentials that are formed, counted: linear in the harmonics but for the logarithm."""
+    one = harmonic_balance(MechanicalSystem([[1.0]], [[0.1]], [[1.0]]), force=[1.0], omega=0.7, harmonics=3)
+    work = []
+    exp, irfft = np.exp, np.fft.irfft
+    monkeypatch.setattr(np, "exp", lambda x, *a, **k: work.append(np.size(x)) or exp(x, *a, **k))
+    monkeypatch.setattr(np.fft, "irfft", lambda x, n, *a, **k: work.append(n) or irfft(x, n, *a, **k))
+    found = []
+    for H in (353, 1411):
+        work.clear()
+        object.__setattr__(one, "X", np.random.default_rng(H).normal(size=(1, 2 * H + 1)) / (1 + np.arange(2 * H + 1)))
+        one.largest(0)
+        found.append(sum(work))
+    print(found)
+    assert found[0] > 0 and found[1] < 4.1 * found[0] and found[1] < 50 * 1411
+
+
 @pytest.mark.some(1)
 @pytest.mark.parametrize("seed", range(2))
 def test_searches_among_friction_and_self_excitation_end(seed):

@@ -184,6 +184,22 @@ def test_crowded_general_roots_are_those_of_the_state_matrix(kind, n):
     assert len(np.unique(np.round(found.eigenvalue, 11))) == 8
 
 
+@pytest.mark.some(6)
+@pytest.mark.parametrize("wanted", [1, 2, 4, 5, 7, 9])
+@pytest.mark.parametrize("kind", ["gyroscopic", "circulatory", "all"])
+def test_any_number_of_crowded_roots(kind, wanted):
+    """No root that is none, and none missing, also where the search about a shift ends before all that it looks for have converged."""
+    n = 2000
+    system = general_row(kind, n)
+    found, more = mb.modes(system, n=wanted), mb.modes(system, n=12)
+    print(f"{kind} {wanted}: {found.status}, {found.error.max():.1e}, {found.stats.counts}")
+    assert found.status == more.status == "converged" and "argument principle" in found.stats.route
+    assert np.abs(found.eigenvalue - more.eigenvalue[:wanted]).max() < 1e-13
+    if kind == "circulatory":
+        exact = np.sqrt(2.5 - 2 * np.sqrt(1 - 1e-6) * np.cos(np.pi * np.arange(1, wanted + 1) / (n + 1)))
+        assert np.abs(found.eigenvalue / (1j * exact) - 1).max() < 1e-9
+
+
 def twin_row(n: int, c: tuple[float, float], g: float, nu: float) -> tuple[mb.MechanicalSystem, np.ndarray]:
     """Two coordinates at each site, each damped its own way or coupled by g and nu; and the roots with Im s >= 0.
 

@@ -52,7 +52,7 @@ def reduced_shapes(
     if len(interface):
         T[free, : len(interface)] = -_solved(K_ii, K_ib.toarray(), whose)
     if n_modes:
-        T[free, len(interface) :] = _lowest(M_ii, K_ii, n_modes, len(fixed) + len(interface) > 0, whose)
+        T[free, len(interface) :] = _lowest(M_ii, K_ii, n_modes, rigid == 0 or len(interface) > 0, whose)
     stiffness = T.T @ (K @ T) if stiffness_of is None else stiffness_of(T)
     return _orthonormal(M, stiffness, T, rigid, whose)
 

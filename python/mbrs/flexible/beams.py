@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -32,6 +33,8 @@ _SAME_PLACE = 1e-9
 # Smallest stiffness or mass, over the largest, by which the taper of an interval is measured. Larger: tips have too few elements. Smaller:
 # pointed ones have elements without end.
 _POINTED = 1e-3
+# Shapes of a finer beam beyond twice those of the beam: one in both planes of bending, a torsion and a stretching, for beams of few shapes.
+_MORE_SHAPES = 4
 
 
 def beam(
@@ -141,33 +144,63 @@ def beam(
     for name, fixed_number in (("twist", twist), ("shear_factor", shear_factor)):
         if plain(fixed_number) is not fixed_number:
             raise ModelError(f"beam: {name} is a number; a parameter there changes the mesh: build the beam again")
-    x, stretch = _stretched(length)
-    theory = choice("theory", theory, THEORIES)
-    shear = theory == "timoshenko"
+    x, _ = _stretched(length)
     material = dict(E=E, G=G, rho=rho, area=area, I_flap=I_flap, I_edge=I_edge, J=J, shear_factor=shear_factor)
     direct = dict(mass=mass, EI_flap=EI_flap, EI_edge=EI_edge, GJ=GJ, EA=EA, GA_flap=GA_flap, GA_edge=GA_edge)
     own = dict(inertia_flap=inertia_flap, inertia_edge=inertia_edge)
-    given = {**material, **direct, **own}
-    numbers = {name: plain(value) for name, value in given.items()}
-    properties = _properties(x, numbers, numbers, shear)
-    found = {name: some for name in _PRODUCTS if (some := _expressions(name, given, len(x), shear))}
-    properties["twist"] = _at_stations("twist", twist, x)
     places = _places(nodes, x)
-    grid = _mesh(x, properties, places, count("elements", elements, 2000), shear)
-    return _reduced(
-        grid,
-        properties,
+    return _Recipe(
+        length,
+        {**material, **direct, **own},
+        twist,
+        choice("theory", theory, THEORIES),
         places,
+        float(x[-1]),
+        count("elements", elements, 2000),
         count("modes", modes, 1000, least=0),
         _attached(attach, places, fixed),
         fixed,
         flag("stiffening", stiffening),
         damping,
-        theory,
-        x,
-        found,
-        stretch,
-    )
+    ).body()
+
+
+@dataclass(frozen=True, eq=False)
+class _Recipe:
+    """The properties of a beam, expressions of parameters as they were given; ``places`` of its nodes at a length ``span``; ``refinement``:
+    how often every element is cut in two."""
+
+    length: Any
+    given: dict[str, Any]
+    twist: Any
+    theory: str
+    places: dict[str, float]
+    span: float
+    elements: int
+    modes: int
+    attach: list[str]
+    fixed: str | None
+    stiffening: bool
+    damping: Any
+    refinement: int = 0
+
+    def body(self) -> ModalBody:
+        """The beam of the present values."""
+        x, stretch = _stretched(self.length)
+        shear = self.theory == "timoshenko"
+        numbers = {name: plain(value) for name, value in self.given.items()}
+        properties = _properties(x, numbers, numbers, shear)
+        found = {name: some for name in _PRODUCTS if (some := _expressions(name, self.given, len(x), shear))}
+        properties["twist"] = _at_stations("twist", self.twist, x)
+        places = {name: place * float(x[-1] / self.span) for name, place in self.places.items()}
+        grid = _mesh(x, properties, places, self.elements, self.refinement, shear)
+        return _reduced(grid, self, properties, places, x, found, stretch)
+
+    def finer(self) -> ModalBody:
+        """The beam of elements of half the length, with more than twice the shapes; undamped, unless one ratio holds for all shapes."""
+        more = 2 * self.modes + _MORE_SHAPES
+        damping = self.damping if np.ndim(plain(self.damping)) == 0 else None
+        return replace(self, modes=more, damping=damping, refinement=self.refinement + 1).body()
 
 
 def _stretched(length: Any) -> tuple[Array, Any]:
@@ -280,12 +313,14 @@ def _attached(attach: Any, places: dict[str, float], fixed: Any) -> list[str]:
     return list(dict.fromkeys(wanted))
 
 
-def _mesh(x: Array, properties: dict[str, Array], places: dict[str, float], elements: int, shear: bool) -> Mesh:
-    """Nodes at stations and named places, the longest intervals cut until there are enough."""
+def _mesh(
+    x: Array, properties: dict[str, Array], places: dict[str, float], elements: int, refinement: int, shear: bool
+) -> Mesh:
+    """Nodes at stations and named places, the longest intervals cut until there are enough, and all of them ``refinement`` times more."""
     breaks = np.unique(np.concatenate([x, list(places.values())]))
     breaks = breaks[np.concatenate([[True], np.diff(breaks) > _SAME_PLACE * x[-1]])]
     lengths = np.diff(breaks)
-    parts = np.maximum(np.rint(elements * lengths / x[-1]), _taper(breaks, x, properties)).astype(int)
+    parts = np.maximum(np.rint(elements * lengths / x[-1]), _taper(breaks, x, properties)).astype(int) << refinement
     grid = [np.linspace(a, b, n, endpoint=False) for a, b, n in zip(breaks[:-1], breaks[1:], parts, strict=True)]
 
     def section(at: float) -> Section:
@@ -306,18 +341,14 @@ def _taper(breaks: Array, x: Array, properties: dict[str, Array]) -> Array:
 
 def _reduced(
     grid: Mesh,
+    given: _Recipe,
     properties: dict[str, Array],
     places: dict[str, float],
-    modes: int,
-    attach: list[str],
-    fixed: str | None,
-    stiffening: bool,
-    damping: Any,
-    theory: str,
     x: Array,
     found: dict[str, list[Channel]],
     stretch: Any,
 ) -> ModalBody:
+    modes, attach, fixed, damping = given.modes, given.attach, given.fixed, given.damping
     absent = [i for i, name in ((0, "EA"), (3, "GJ")) if not np.any(properties[name])]
     at = {name: int(np.argmin(np.abs(grid.x - place))) for name, place in places.items()}
     left_out = np.concatenate([_all_of(grid, i) for i in absent]) if absent else np.zeros(0, dtype=int)
@@ -337,10 +368,10 @@ def _reduced(
     where[:, 0] = grid.x
     m = T.shape[1]
     second, KG = np.zeros((len(grid.x), 3, m, m)), np.zeros((12, m, m))
-    if stiffening:
+    if given.stiffening:
         second = second_order(grid, T, bool(fixed))
         KG = inertial_stiffness(grid, T, bool(fixed)) + turned_stiffness(grid, T, bool(fixed))
-    note = f"{theory} beam, {grid.x[-1]:g} m, {len(grid.x) - 1} elements, "
+    note = f"{given.theory} beam, {grid.x[-1]:g} m, {len(grid.x) - 1} elements, "
     note += f"{'clamped at the root' if fixed else 'free, mean axes'}"
     integrals = dict(
         **shape_integrals(grid, T),
@@ -368,6 +399,7 @@ def _reduced(
         node_quadratic=second[at_nodes],
         line_quadratic=second,
         note=note,
+        recipe=given,
     )
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 from dataclasses import dataclass, field, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
@@ -32,6 +32,13 @@ _NO_RANK, _NO_INERTIA = 1e-13, 1e-12
 _SEMIDEFINITE = 1e-10
 # What ModalBody holds beside the numbers of the equations.
 _TEXTS = ("nodes", "note")
+
+
+class Recipe(Protocol):
+    """All that a modal body is made from."""
+
+    def finer(self) -> ModalBody:
+        """The body of a finer mesh and more shapes."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,6 +79,8 @@ class ModalBody:
         By name arrays of numbers and expressions of parameters that stand for mass, com, inertia, S, P1, P2, K, C and KG, and
         for numbers of nodes, in a model;
         `mbrs.flexible.beam` makes them. Empty: the numbers alone.
+    recipe
+        What `finer` makes the body anew from; `mbrs.flexible.beam` gives it, files do not hold it.
 
     Raises
     ------
@@ -118,6 +127,7 @@ class ModalBody:
     line_quadratic: np.ndarray = None  # type: ignore[assignment]
     note: str = ""
     driven: Mapping[str, Any] = field(default_factory=dict)
+    recipe: Recipe | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         m = self._modes()
@@ -254,6 +264,22 @@ class ModalBody:
             moved = moved + 0.5 * np.einsum("nikl,...k,...l->...ni", second, q, q, optimize=True)
         return moved
 
+    def finer(self) -> ModalBody:
+        """The same body of elements of half the length and more than twice the shapes: what its results change by is what mesh and
+        shapes leave them open to (`ModalResult.discretisation`).
+
+        Raises
+        ------
+        ModelError
+            Its mesh is not known: `mbrs.flexible.beam` did not make it, or a file holds its integrals alone.
+        """
+        if self.recipe is None:
+            raise ModelError(
+                "the mesh of this modal body is not known: only bodies that mb.flexible.beam made in this program can be made "
+                "finer; compare with one of a finer mesh"
+            )
+        return self.recipe.finer()
+
     def node(self, name: str) -> int:
         """Index of a node."""
         if name not in self.nodes:
@@ -321,7 +347,7 @@ class ModalBody:
 
 
 def _saved() -> list[str]:
-    return [f.name for f in fields(ModalBody) if f.name != "driven"]
+    return [f.name for f in fields(ModalBody) if f.name not in ("driven", "recipe")]
 
 
 def _shapes(m: int) -> dict[str, tuple[int, ...]]:

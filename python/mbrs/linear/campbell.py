@@ -66,6 +66,8 @@ class CampbellResult(Result):
         f +- speed/2pi.
     error
         (n_s, n) estimated relative error of each eigenvalue.
+    status
+        "converged", or "unresolved" where the modes at a speed are.
     """
 
     speed: np.ndarray = quantity(dims=("speed",), unit="rad/s")
@@ -80,6 +82,7 @@ class CampbellResult(Result):
 
     row: ClassVar[str] = "speed"
     error_dims: ClassVar[tuple[str, ...]] = ("speed", "mode")
+    largest_error: ClassVar[float] = np.inf  # of rigid modes a frequency: the status is that of the modes at each speed
 
     def attributes(self) -> dict[str, Any]:
         return {**super().attributes(), "joint": self.joint, "frame": self.frame}
@@ -245,6 +248,7 @@ def campbell(
             "tracked",
         ),
         error=np.array([row.error[columns] for row in rows]),
+        status="converged" if all(row.resolved for row in rows) else "unresolved",
     )
 
 
@@ -295,13 +299,15 @@ def _speeds(speed: Any) -> np.ndarray:
 
 @dataclass(frozen=True)
 class _Row:
-    """All modes at one speed: eigenvalues, state shapes (2 dof, n) of unit length, whirl, errors, and which are not rigid."""
+    """All modes at one speed: eigenvalues, state shapes (2 dof, n) of unit length, whirl, errors, which are not rigid, and whether
+    all of them are resolved."""
 
     s: np.ndarray
     shape: np.ndarray
     whirl: np.ndarray
     error: np.ndarray
     moves: np.ndarray
+    resolved: bool
 
     @classmethod
     def of(cls, motion: SteadyMotion) -> _Row:
@@ -314,7 +320,8 @@ class _Row:
         if axis is not None:
             rows = orbit_rows(lin)
             whirl = np.array([whirl_of(rows, column, axis, _WHIRLS) for column in shape.T], dtype=int)
-        return cls(s, state, whirl, np.asarray(found.error), found.kind != "rigid")
+        resolved = found.status == "converged"
+        return cls(s, state, whirl, np.asarray(found.error), found.kind != "rigid", resolved)
 
     def following(self, before: _Row) -> _Row:
         """The same modes in the order of the row before."""
@@ -326,7 +333,8 @@ class _Row:
             np.abs(before.s)[:, None] + np.abs(self.s)[None, :] + 1e-300
         )
         _, order = linear_sum_assignment(-likeness + distance)
-        return _Row(self.s[order], self.shape[:, order], self.whirl[order], self.error[order], self.moves[order])
+        s, shape, whirl, error = self.s[order], self.shape[:, order], self.whirl[order], self.error[order]
+        return _Row(s, shape, whirl, error, self.moves[order], self.resolved)
 
 
 def _axis(lin: Any) -> np.ndarray | None:

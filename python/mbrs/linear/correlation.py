@@ -210,6 +210,7 @@ class Correlation(Result):
 
     row: ClassVar[str] = "mode"
     axes: ClassVar[Mapping[str, str]] = {"mode": "numbers", "coordinate": "coordinate"}
+    largest_error: ClassVar[float] = np.inf  # of rigid modes a frequency: the status is that of the modes
 
     @property
     def numbers(self) -> np.ndarray:
@@ -367,6 +368,7 @@ def correlate(
         measured=measured,
         stats=Stats(time.perf_counter() - start, {}, computed.stats.effects, "side by side"),
         error=computed.error.max(initial=0.0),
+        status=computed.status,
     )
 
 

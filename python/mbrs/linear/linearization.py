@@ -80,6 +80,7 @@ class Linearization(Result):
     over_turn: Periodic | None = None
 
     row: ClassVar[str] = "coordinate"
+    largest_error: ClassVar[float] = np.inf  # forces of motions that are not steady are not in balance, and need not be
     axes: ClassVar[Mapping[str, str]] = {"coordinate": "coordinates", "coordinate_": "coordinates", "body": "bodies"}
 
     @cached_property

@@ -91,6 +91,7 @@ class LinearizationSensitivity(Result):
     linearization: Linearization
 
     row: ClassVar[str] = "parameter"
+    largest_error: ClassVar[float] = np.inf  # that of the linearisation, whose status it has
     axes: ClassVar[Mapping[str, str]] = {
         "body": "bodies",
         "parameter": "labels",

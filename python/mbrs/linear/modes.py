@@ -17,6 +17,7 @@ from .._lib.progress import call_progress
 from ..errors import ConvergenceError, ModelError, SingularError
 from ..model.book import Book
 from ..model.schema import LAW_OF_CODE
+from .discretisation import discretisation
 from .linearization import Linearization
 from .linearize import second_order_of
 from .matrices import EFFECT_OF, MechanicalSystem, check_matrix_effects
@@ -91,9 +92,20 @@ def modes(
     >>> mb.modes(system).omega.round(6).tolist()
     [1.0, 1.732051]
     """
-    start = time.perf_counter()
-    without = one_or_names("without", without)
     shift = _shift(shift, n)
+    found = _modes(m, at, n, one_or_names("without", without), stiffness_factor, shift)
+    return found.replaced(shift=shift, discretisation=_of_meshes)
+
+
+def _of_meshes(result: ModalResult) -> np.ndarray:
+    return discretisation(result, modes)
+
+
+def _modes(
+    m: Any, at: Any, n: int | None, without: Iterable[str], stiffness_factor: Any, shift: float | None
+) -> ModalResult:
+    """By the dense or the sparse route."""
+    start = time.perf_counter()
     if _is_large_model(m, n) and not _has_state_rates(m):
         if stiffness_factor is not None:
             raise ModelError("stiffness_factor= belongs to matrices; a model knows its own")

@@ -64,6 +64,8 @@ class ResponseResult(Result):
         (n_out,) largest estimated error over time, relative to the largest value: what the load between the times
         adds to the response, plus rounding. Zero-load histories and loads that are linear between the times leave the
         rounding only.
+    status
+        "converged", or "unresolved" where an error exceeds 0.1.
     error_history
         (n_out, n_t) the same, absolute and over time.
     """
@@ -106,7 +108,8 @@ class ResponseResult(Result):
         return ["output", "smallest", "largest", "last", "error"], rows
 
     def notes(self) -> list[str]:
-        return [f"route: {self.stats.route}, {self.status}"]
+        poor = "unresolved: the loads vary too fast between the times; give more of them"
+        return [f"route: {self.stats.route}, {self.status}", *([poor] if self.status == "unresolved" else [])]
 
     def plot(self, *, ax: Axes | None = None, label: str | None = None) -> Figure:
         """The outputs over time; returns the figure."""

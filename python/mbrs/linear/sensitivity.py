@@ -183,6 +183,7 @@ def _of_linearization(
             "follow" if followed else "hold",
         ),
         error=lin.error,
+        status=lin.status,
     )
 
 
@@ -216,6 +217,7 @@ def _of_equilibrium(result: Any, parameters: str | Sequence[str]) -> Equilibrium
         units=d.units,
         stats=d.stats,
         error=result.error,
+        status=result.status,
     )
 
 

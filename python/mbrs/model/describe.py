@@ -130,7 +130,7 @@ def _place(book: Book, body: int, node: int) -> str:
 def _modal_body(body: FlexibleBody) -> Table:
     """The integrals as they are now: stiffness and damping may have been varied."""
     modal, m = body.modal, body.n_modes
-    table: Table = {f.name: getattr(modal, f.name) for f in fields(modal)}
+    table: Table = {f.name: getattr(modal, f.name) for f in fields(modal) if f.name != "recipe"}
     for field in SHAPES.block:
         if field.listed == "always":
             table[field.name] = np.array(body.integrals.values(field.name)).reshape(m, m)

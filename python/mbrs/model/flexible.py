@@ -83,6 +83,19 @@ class FlexibleBody(Body):
             self.integrals.grow(added, len(new))
         return [self.use(self.modal.nodes.index(name)) for name in names]
 
+    def refine(self) -> None:
+        """Take the finer body of the same nodes (`ModalBody.finer`) in place of its own."""
+        finer = self.modal.finer()
+        if finer.nodes != self.nodes:
+            raise problem(self.name, "has nodes that blades or section loads gave it, which a finer body does not have")
+        if "K" not in self.modal.driven and self.integrals.values("K") != self.modal.K.ravel().tolist():
+            raise problem(
+                self.name, "has a stiffness that was changed after it was built, which a finer body does not have"
+            )
+        self.modal = finer
+        self.integrals = _integrals(self)
+        self.model.changed_structure()
+
     def moving(self) -> list[int]:
         """Nodes with a frame of their own: those in use that move against the body's."""
         return [i for i in sorted(self.used) if self.moves(i)]
@@ -282,6 +295,15 @@ def _chosen(name: str, modal: ModalBody, modes: Any) -> ModalBody:
     )
 
 
+def _integrals(body: FlexibleBody) -> ShapeNumbers:
+    """The numbers of its modal body, taken into the model."""
+    made = ShapeNumbers(body.model, body.name)
+    made.m, made.n_nodes = body.n_modes, len(body.nodes)
+    made.quadratic = _is_quadratic(body.modal)
+    made.put(_numbers_of(body.modal))
+    return made
+
+
 def _is_zero(v: Number) -> bool:
     return isinstance(v, float) and v == 0.0
 
@@ -394,10 +416,6 @@ def flexible_body(
     }
     entries, guess = pack(name, BODY, given).entries, first_guess(body, pose)
     body.check(body.evaluated(entries))
-    integrals = ShapeNumbers(self, name)
-    integrals.m, integrals.n_nodes = body.n_modes, len(body.nodes)
-    integrals.quadratic = _is_quadratic(body.modal)
-    integrals.put(_numbers_of(body.modal))
-    body.integrals = integrals
+    body.integrals = _integrals(body)
     enter(body, entries, guess, shape)
     return body

@@ -136,6 +136,11 @@ class Setup:
         told = call_core(self.core.floquet, y, [omega], error=error, free=free, model=self.model(omega))
         return told["exponents"], told["settled"]
 
+    def estimate(self, y: np.ndarray, omega: float, level: float = 1.0, value: float | None = None) -> float:
+        """Estimated relative error of a solution; ``value`` is that of the parameter on which the system depends."""
+        at = ([omega], level, None if self.family is None else value)
+        return float(call_core(self.core.estimate, y, at))
+
     def peak(
         self,
         y: np.ndarray,

@@ -126,7 +126,7 @@ class Branch(Iterator[BranchPoint]):
         return (self.omega[0], p, None) if self.parameter == "level" else (self.omega[0], self.level[0], p)
 
     def _problem(self, harmonics: Any, least_samples: int = 0) -> balance.Setup:
-        fourier, omega = self.fourier.but(harmonics=harmonics), self.omega[0]
+        fourier, omega = self.fourier.chosen(harmonics), self.omega[0]
         if self.family is None:
             setup = balance.prepare(self.system, self.force, fourier, omega, least_samples=least_samples)
         else:
@@ -147,7 +147,7 @@ class Branch(Iterator[BranchPoint]):
                 raise
             omega, level, _ = self._where(begin)
             force = balance.scaled_force(self.force, level)
-            fourier, newton = self.fourier.but(harmonics=self.setup.harmonics), Newton(self.continuation.tolerance)
+            fourier, newton = self.fourier.chosen(self.setup.harmonics), Newton(self.continuation.tolerance)
             setup, answer = first_solution(self.system, force, omega, fourier, newton, None)
             if not answer["converged"]:
                 raise
@@ -469,7 +469,7 @@ class Branch(Iterator[BranchPoint]):
             raise ModelError(
                 f"no branch of periodic motions leaves at {event}: what begins there has a second frequency, "
                 f"{event.second_frequency:.6g} rad/s at first (event.second_frequency), which no force gives and which changes along "
-                "it; follow it in time, from event.X"
+                "it; mb.quasi_periodic finds it: forces=[dict(force=..., omega=...), dict(omega=event.second_frequency)], x0=event"
             )
         if event.kind not in ("branch-point", "period-doubling"):
             raise ModelError(

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import ConvergenceError
-from . import balance, condensation, verify
+from . import balance, condensation, growing_mode, verify
 from .options import Fourier
 
 COLLOCATION_SAMPLES = 1 << 15
@@ -159,6 +159,9 @@ def candidates(system: Any, force: Any, omega: float | None) -> Iterator[tuple[n
         for a, p, b, q in zip(logarithms, powers, logarithms[1:], powers[1:], strict=False):
             if p < 0 <= q:
                 yield _first_harmonic(modes.rest, np.exp(brentq(power, a, b, args=(shape, w))) * shape), w
+        # laws that take no power from the mode as it is bend its shape until it gets none
+        for c, own in growing_mode.balanced(modes, i, start):
+            yield _first_harmonic(modes.rest, c), own if omega is None else omega
 
 
 def _first_harmonic(rest: np.ndarray, c: np.ndarray) -> np.ndarray:

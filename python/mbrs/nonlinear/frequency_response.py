@@ -175,7 +175,7 @@ def _solved_one_by_one(
                     raise
                 status = f"stopped: {problem}"
                 break
-            chosen = fourier.but(harmonics=one.harmonics, n_samples=one.n_samples)
+            chosen = fourier.chosen(one.harmonics, n_samples=one.n_samples)
             setup = balance.prepare(system, force, chosen, omega)
             y = setup.start(one)
             # the forces of this set are scaled already

@@ -241,7 +241,7 @@ def _refine(
     for fourier in sets:
         setup = balance.prepare(system, force, fourier, w)
         z = np.append(setup.start(X), w)
-        answer = balance.call_core(setup.core.cycle, z, **newton.core)
+        answer = balance.call_core(setup.core.cycle, z, ([w], 0), **newton.core)
         w_new = float(answer["z"][-1])
         if not answer["converged"] or w_new <= 0:
             continue

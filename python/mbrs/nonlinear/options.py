@@ -11,6 +11,7 @@ import numpy as np
 
 from .._lib import checks
 from ..errors import ModelError
+from ..results import LARGEST_ERROR
 
 # "lagrange" is of order 3
 PREDICTORS = ("tangent", "secant", "lagrange", *(f"lagrange{order}" for order in range(1, 6)))
@@ -19,7 +20,7 @@ HIGHEST = 4096  # harmonics, and their subharmonics; more would not fit into den
 MOST_HARMONICS = 255  # up to which "auto" adds harmonics
 # Largest error that is called resolved where none was given, and with harmonics="auto". Larger: truncated series pass as solutions.
 # Smaller: rough laws never converge, and "auto" takes more harmonics than anyone needs. Pinned by tests/nonlinear/test_hbm_honest.py.
-UNRESOLVED = 0.1
+UNRESOLVED = LARGEST_ERROR
 AUTOMATIC = 1e-6
 # Step along a branch that is certainly a mistake: the whole curve has about the length 1.
 LARGEST_STEP = 10.0
@@ -52,6 +53,10 @@ class Fourier:
         if self.tol is not None:
             return float(self.tol)
         return AUTOMATIC if self.automatic else usual
+
+    def chosen(self, harmonics: int | Sequence[int], **changes: Any) -> Fourier:
+        """The same with harmonics that were chosen in place of "auto", whose tolerance stays."""
+        return self.but(harmonics=harmonics, tol=self.limit() if self.automatic else self.tol, **changes)
 
     @property
     def terms(self) -> tuple[int, ...]:

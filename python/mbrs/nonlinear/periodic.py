@@ -467,7 +467,7 @@ def _automatic(system: Any, force: Any, omega: float, fourier: Fourier, newton: 
     forced = max((h for h in force), default=1) if isinstance(force, Mapping) else 1
     top, guess, tol = max(3, int(forced)), x0, fourier.limit()
     while True:
-        one = _periodic(system, force, omega, fourier.but(harmonics=top, tol=tol), newton, guess)
+        one = _periodic(system, force, omega, fourier.chosen(top), newton, guess)
         if one.error <= tol or top >= MOST_HARMONICS:
             return one
         top, guess = min(MOST_HARMONICS, top + max(2, top // 2)), one

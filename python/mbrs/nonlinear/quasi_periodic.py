@@ -10,7 +10,8 @@ from .._lib import checks
 from .._lib.checks import shown
 from ..errors import ConvergenceError, ModelError
 from ..model.book import Book
-from . import balance
+from . import balance, own_frequency
+from .branch_points import Event
 from .options import Fourier, Newton
 from .quasi_periodic_solution import QuasiPeriodicSolution
 from .system import as_system, force_of_ports, nonlinear_system
@@ -35,7 +36,7 @@ def quasi_periodic(
     static: ArrayLike | None = None,
     n_samples: int | Sequence[int] | None = None,
     condense: bool | str = "auto",
-    x0: QuasiPeriodicSolution | None = None,
+    x0: QuasiPeriodicSolution | Event | None = None,
     tol: float | None = None,
     tolerance: float = 1e-10,
     max_iterations: int = 60,
@@ -51,7 +52,9 @@ def quasi_periodic(
         `MechanicalSystem` with nonlinear ``elements`` (laws without memory), or a `Model`, whose geometry is linearised.
     forces
         One mapping per frequency: ``force`` (n,), real for a cosine, complex a - i b for a cos + b sin, or of a model
-        ``inputs`` (ports) and ``amplitude``; and ``omega`` (rad/s) or ``frequency`` (Hz).
+        ``inputs`` (ports) and ``amplitude``; and ``omega`` (rad/s) or ``frequency`` (Hz). A mapping with ``omega`` alone is a
+        frequency of the motion's own, such as it begins to have at a Neimark-Sacker point: a first guess, which is solved for
+        together with the motion. One of them at most, and then ``x0`` is needed.
     harmonics
         m: terms with |k_1| + ... + |k_p| <= m are kept. "auto": as many as ``.error <= tol`` needs.
     indices
@@ -62,7 +65,9 @@ def quasi_periodic(
         Samples per dimension; chosen without aliasing for polynomial laws, 96 for others, doubled while aliasing is the
         larger part of ``error``.
     x0
-        An earlier solution to start from, of whatever terms; by default the solution with about m/2.
+        An earlier solution to start from, of whatever terms; by default the solution with about m/2. Or a Neimark-Sacker event
+        of a frequency response, at which a torus with an own frequency begins: near ``event.second_frequency`` for an excitation
+        near ``event.omega``, on the side where periodic motion is unstable, or where the torus comes back (below it, unstable).
     tol
         Largest ``.error`` that is called resolved; 0.1, and 1e-6 for ``harmonics="auto"``.
     at, without
@@ -78,7 +83,7 @@ def quasi_periodic(
     ModelError
         Wrong input; frequencies with a small common divisor, whose response is periodic: use `harmonic_balance`.
     ConvergenceError
-        Newton's method gave up.
+        Newton's method gave up, or fell back to the periodic motion, which has no frequency of its own.
 
     Warns
     -----
@@ -106,7 +111,7 @@ def quasi_periodic(
     if fourier.automatic:
         return _automatic(system, forces, static, fourier, newton, x0, started)
     problem, top = Torus(system, forces, fourier, indices, static), fourier.harmonics
-    if x0 is None and indices is None and isinstance(top, int) and top > 2:
+    if x0 is None and problem.free is None and indices is None and isinstance(top, int) and top > 2:
         # a small set finds the branch, the large one only refines it
         smaller = Torus(system, forces, fourier.but(harmonics=max(1, top // 2), n_samples=None), None, static)
         answer = balance.call_core(smaller.core.solve, smaller.start(None), list(smaller.omega), **newton.core)
@@ -128,8 +133,13 @@ def sources_of(system: Any, forces: Any, at: Any, without: Sequence[str]) -> tup
         return as_system(system, (), None, at, without)[0], forces
     made, plain = nonlinear_system(cast("Model", system), at=at, without=without), []
     for i, source in enumerate(forces if isinstance(forces, Sequence) else []):
-        if not isinstance(source, Mapping) or not {"inputs", "force"} & set(source):
+        if not isinstance(source, Mapping) or not {"inputs", "force", "omega", "frequency"} & set(source):
             raise ModelError(f"forces[{i}] must be dict(inputs=port, amplitude=..., omega=...), it is {shown(source)}")
+        if not {"inputs", "force", "amplitude"} & set(source):
+            plain.append(dict(source))  # a frequency of the motion's own
+            continue
+        if not {"inputs", "force"} & set(source):
+            raise ModelError(f"forces[{i}] has an amplitude and no inputs=, it is {shown(source)}")
         rest = {key: value for key, value in source.items() if key not in ("inputs", "force", "amplitude")}
         ports = source["inputs"] if "inputs" in source else source["force"]
         plain.append(dict(force=force_of_ports(made, ports, source.get("amplitude")), **rest))
@@ -138,6 +148,8 @@ def sources_of(system: Any, forces: Any, at: Any, without: Sequence[str]) -> tup
 
 def _solved(problem: Torus, newton: Newton, x0: Any, started: float) -> QuasiPeriodicSolution:
     """A solution of one set of terms, with more samples while they are what lacks."""
+    if problem.free is not None:
+        return own_frequency.solved(problem, newton, x0, started)
     while True:
         answer = balance.call_core(problem.core.solve, problem.start(x0), list(problem.omega), **newton.core)
         result = problem.solution(answer, started)

@@ -19,7 +19,7 @@ from ..results import Result, Stats, derived, quantity, result
 from . import balance
 from .branch_points import MEANING, STATUS
 from .displacement import label
-from .options import Continuation
+from .options import UNRESOLVED, Continuation
 from .periodic import effects_of
 from .quasi_periodic import MOST_AUTOMATIC, sources_of, torus_terms
 from .quasi_periodic_solution import QuasiPeriodicSolution
@@ -42,7 +42,8 @@ class QuasiPeriodicResponse(Result):
 
     ``scale`` (n,) multiplies all frequencies, ``level`` (n,) all forces but the static one; ``omega`` (n, p); ``value`` (n,) is
     the parameter of the system of a branch in one, else None; ``X`` (n, dof, 2 n_k + 1) with the ``indices`` (n_k, p);
-    ``folds`` are solutions at turning points of the branch, solved for; ``error`` (n,).
+    ``folds`` are solutions at turning points of the branch, solved for; ``error`` (n,), of which those up to ``resolved`` are called
+    resolved.
     """
 
     scale: np.ndarray = quantity(dims=("point",))
@@ -58,6 +59,7 @@ class QuasiPeriodicResponse(Result):
     parameter: str = "scale"
     family: Callable[[float], Any] | None = field(default=None, repr=False)
     fold_places: tuple[float, ...] = ()
+    resolved: float = UNRESOLVED
 
     row: ClassVar[str] = "point"
     axes: ClassVar[Mapping[str, str]] = {"coordinate": "coordinates"}
@@ -223,6 +225,11 @@ def quasi_periodic_response(
         problem = Torus(
             way.system, way.forces, fourier.but(harmonics=top, tol=limit), indices, static, turn=way.family is None
         )
+        if problem.free is not None:
+            raise ModelError(
+                "a frequency of the motion's own, a mapping without force=, is solved for by mb.quasi_periodic: follow it point by "
+                "point, each from the one before (x0=)"
+            )
         parts = _followed(problem, way, x0, steps, most)
         curve = _collect(problem, way, parts, limit, perf_counter() - started)
         enough = not automatic or np.all(curve.error <= limit) or problem.estimated_unknowns > MOST_AUTOMATIC
@@ -376,6 +383,7 @@ def _collect(
         value=value,
         family=way.family,
         parameter="value" if way.family is not None else way.name,
+        resolved=limit,
         **common,
     )
     folds = []
@@ -395,5 +403,14 @@ def _solution(
         for source, w in zip(curve.forces, omega, strict=True)
     ]
     return QuasiPeriodicSolution(
-        X, curve.indices, omega, (), curve.system, forces, curve.static, stats=curve.stats, error=error
+        X,
+        curve.indices,
+        omega,
+        (),
+        curve.system,
+        forces,
+        curve.static,
+        stats=curve.stats,
+        error=error,
+        status="converged" if error <= curve.resolved else "unresolved",
     )

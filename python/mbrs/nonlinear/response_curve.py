@@ -228,8 +228,10 @@ class FrequencyResponse(Result):
         """The motion at an event, as a solution by itself."""
         if event not in self.events:
             raise ModelError(f"{event} is not an event of this curve")
-        near = min(event.index, len(self) - 1)
-        return self._solution(self._part_of(near)[0].setup, event.omega, event.level, event.X, float(self.error[near]))
+        setup = self._part_of(min(event.index, len(self) - 1))[0].setup
+        error = setup.estimate(setup.start(event), event.omega, event.level, event.value)
+        one = self._solution(setup, event.omega, event.level, event.X, error)
+        return one if event.status == "converged" else one.replaced(status=event.status)
 
     def peak(self, dof: Displacement = 0, harmonic: int | None = 1) -> PeriodicSolution:
         """The solution where the amplitude of one harmonic, or with None the largest displacement, is largest: solved for
@@ -246,7 +248,7 @@ class FrequencyResponse(Result):
             row = np.eye(1, self.system.n, row)[0]
         omega, y = setup.peak(part.y[k], float(self.omega[i]), level, row, harmonic, self._tangent(i))
         X = setup.expand(y, omega, level)
-        return self._solution(setup, omega, float(self.level[i]), X, float(self.error[i]))
+        return self._solution(setup, omega, float(self.level[i]), X, setup.estimate(y, omega, level))
 
     def _tangent(self, i: int) -> np.ndarray | None:
         """[dy, domega] from the point before to the point behind, in the unknowns of the point i; None where there is no branch."""
@@ -280,6 +282,7 @@ class FrequencyResponse(Result):
             force,
             error=error,
             stats=self.stats,
+            status="converged" if error <= setup.fourier.limit() else "unresolved",
         )
 
     def _part_of(self, i: int) -> tuple[Part, int]:

@@ -74,7 +74,7 @@ class Torus:
         self.system, self.forces, self.static = system, forces, static
         self.fourier = fourier
         self._given_indices = indices
-        self.omega, vectors = _sources(system.n, forces)
+        self.omega, vectors, self.free = _sources(system.n, forces)
         p = len(self.omega)
         self.indices = _diamond_of(p, fourier.harmonics) if indices is None else _checked(indices, p)
         top = int(np.max(np.abs(self.indices).sum(axis=1)))
@@ -155,6 +155,8 @@ class Torus:
         return linear.core, balance.core_elements(laws, linear.directions)
 
     def _refuse_periodic(self, top: int) -> None:
+        if self.free is not None:
+            return  # one of the frequencies is a guess
         k = diamond(len(self.omega), max(top, 5))
         distance = np.abs(k @ self.omega) / np.max(self.omega)
         worst = int(np.argmin(distance))
@@ -190,16 +192,20 @@ class Torus:
         X = balance.call_core(self.core.expand, y, omega.tolist(), level)
         return X if self.linear.transform is None else self.linear.transform @ X
 
-    def solution(self, answer: Mapping[str, Any], started: float) -> QuasiPeriodicSolution:
-        """An answer of the core as a result."""
+    def solution(self, answer: Mapping[str, Any], started: float, own: float | None = None) -> QuasiPeriodicSolution:
+        """An answer of the core as a result; ``own`` is the free frequency that was found."""
         counts = {key: answer[key] for key in ("iterations", "evaluations", "factorisations")}
+        omega, forces = self.omega.copy(), list(self.forces)
+        if self.free is not None and own is not None:
+            omega[self.free] = own
+            forces[self.free] = dict(force=np.zeros(self.system.n), omega=own)
         return QuasiPeriodicSolution(
-            self.expand(answer["y"], self.omega),
+            self.expand(answer["y"], omega),
             self.indices,
-            self.omega,
+            omega,
             tuple(self.dims),
             self.system,
-            self.forces,
+            forces,
             self.static,
             stats=Stats(perf_counter() - started, counts, effects_of(self.system), self.linear.route),
             error=answer["error"],
@@ -207,14 +213,15 @@ class Torus:
         )
 
 
-def _sources(n: int, forces: Any) -> tuple[np.ndarray, list[np.ndarray]]:
+def _sources(n: int, forces: Any) -> tuple[np.ndarray, list[np.ndarray], int | None]:
+    """Frequencies, forces, and the number of the frequency that no force gives, if there is one."""
     if isinstance(forces, Mapping | str) or not isinstance(forces, Sequence) or len(forces) < 2:
         raise ModelError(
             "forces must list at least two mappings dict(force=(n,), omega=...); harmonic_balance takes one"
         )
-    omega, vectors = [], []
+    omega, vectors, free = [], [], []
     for i, source in enumerate(forces):
-        if not isinstance(source, Mapping) or "force" not in source or set(source) - {"force", "omega", "frequency"}:
+        if not isinstance(source, Mapping) or not source or set(source) - {"force", "omega", "frequency"}:
             raise ModelError(
                 f"forces[{i}] must be dict(force=(n,), omega=...) or with frequency=, it is {shown(source)}"
             )
@@ -222,8 +229,12 @@ def _sources(n: int, forces: Any) -> tuple[np.ndarray, list[np.ndarray]]:
         if w.ndim != 0:
             raise ModelError(f"forces[{i}] needs one frequency, not {w.tolist()}")
         omega.append(float(w))
-        vectors.append(balance.force_vector(n, source["force"], 1))
-    return np.array(omega), vectors
+        if "force" not in source:
+            free.append(i)
+        vectors.append(balance.force_vector(n, source.get("force", np.zeros(n)), 1))
+    if len(free) > 1:
+        raise ModelError("one frequency at most may be the motion's own, a mapping without force=")
+    return np.array(omega), vectors, free[0] if free else None
 
 
 def _checked(indices: Any, p: int) -> np.ndarray:

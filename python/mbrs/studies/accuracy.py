@@ -94,6 +94,7 @@ class AccuracyStudy(Result):
     reference: str
 
     row: ClassVar[str] = "run"
+    largest_error: ClassVar[float] = np.inf  # errors of runs, which the study measures; it has none of its own
 
     def labelled(self) -> dict[str, tuple[tuple[str, ...], Any, str, str]]:
         """One entry per run: its settings as texts, ``time`` (s), ``error``, ``estimate``, ``status``."""

@@ -172,6 +172,7 @@ def _comparison(subject: str, rows: Sequence[_Row], stated: float, seconds: floa
         other.append(b[worst] if gap.size else 0.0)
         difference.append(float(gap[worst] / row.scale) if gap.size and gap[worst] > 0.0 else 0.0)
     far = np.array(difference)
+    agree = far <= _WITHIN * max(stated, 0.0) + _ROUNDING
     return Comparison(
         labels=tuple(row.name for row in rows),
         units=tuple(row.unit for row in rows),
@@ -179,9 +180,10 @@ def _comparison(subject: str, rows: Sequence[_Row], stated: float, seconds: floa
         reference=np.array(other),
         difference=far,
         stated=stated,
-        agree=far <= _WITHIN * max(stated, 0.0) + _ROUNDING,
+        agree=agree,
         subject=subject,
         error=float(far.max(initial=0.0)),
+        status="converged" if np.all(agree) else "different",
         stats=Stats(seconds, {"quantities": len(rows)}, (), "NumPy reference"),
     )
 

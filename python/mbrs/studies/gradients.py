@@ -124,13 +124,15 @@ def check_gradients(
     roots = np.asarray(result.eigenvalue) if value is None and hasattr(result, "eigenvalue") else None
     rows = [_one(analysis, m, label, exact[..., p], numbers, roots) for p, label in enumerate(along.labels)]
     columns = [np.array(c) for c in zip(*rows, strict=True)]
+    ok = columns[2] <= np.maximum(_FACTOR * columns[3], _NOISE)
     return GradientCheck(
         labels=along.labels,
         exact=columns[0],
         difference=columns[1],
         error=columns[2],
         noise=columns[3],
-        ok=columns[2] <= np.maximum(_FACTOR * columns[3], _NOISE),
+        ok=ok,
+        status="converged" if np.all(ok) else "different",
         stats=Stats(time.perf_counter() - start, {"analyses": 1 + 4 * along.n}, (), "central differences"),
     )
 

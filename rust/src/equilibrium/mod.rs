@@ -7,6 +7,7 @@
 pub mod descent;
 pub mod distance;
 pub mod follow;
+pub mod followers;
 pub mod local;
 pub mod newton;
 pub mod steering;
@@ -16,7 +17,7 @@ use nalgebra::DVector;
 use crate::equilibrium::descent::{Descent, same_coordinates};
 use crate::equilibrium::distance::distance;
 use crate::equilibrium::local::{LONGEST_STEP, Local, Spectrum, moved, spectrum};
-use crate::equilibrium::newton::{initial_sigma, newton_answer, newton_step};
+use crate::equilibrium::newton::{initial_sigma, newton_answer, newton_step, pushed_freely};
 use crate::equilibrium::steering::steering_joints;
 use crate::error::{Error, Result};
 use crate::linearize::{Linearization, Setting, linearize};
@@ -119,16 +120,16 @@ fn search(
         let spectrum = spectrum(&local)?;
         // no stiffness against a force: relax, since it may come with the motion (a pendulum drawn level); where it does not
         // come, nothing restrains the model
-        let freely = pushed_freely(&local, &spectrum);
-        if freely {
+        let freely = pushed_freely(&local, &spectrum)?;
+        if let Some(direction) = &freely {
             pushed += 1;
             sigma = f64::max(sigma, initial_sigma(&local));
             if pushed > PATIENCE {
-                return Err(unrestrained(system, &local, &spectrum));
+                return Err(unrestrained(system, &local, direction));
             }
         }
         // where Newton's step is short relaxation has done its work
-        let short = |step: &DVector<f64>| sigma == 0.0 || !freely && step.amax() <= CLOSE;
+        let short = |step: &DVector<f64>| sigma == 0.0 || freely.is_none() && step.amax() <= CLOSE;
         let plain = newton_step(&local, &spectrum, 0.0).ok().filter(short);
         if plain.is_some() {
             sigma = 0.0;
@@ -221,10 +222,6 @@ fn leave_saddle(
     Ok(None)
 }
 
-fn pushed_freely(local: &Local, spectrum: &Spectrum) -> bool {
-    (0..spectrum.values.len()).any(|k| !spectrum.is_held(k) && spectrum.push(k, &local.r) > PUSHED)
-}
-
 /// One accepted step: full or shortened, or of the relaxation; the flag says which.
 fn advance_once(
     system: &System,
@@ -240,7 +237,8 @@ fn advance_once(
     for attempt in 0..40 {
         let step = newton_step(local, spectrum, sigma)?;
         if step.amax() == 0.0 {
-            return Err(unrestrained(system, local, spectrum));
+            let direction = pushed_freely(local, spectrum)?.unwrap_or_else(|| local.r.clone());
+            return Err(unrestrained(system, local, &direction));
         }
         let mut alpha = (LONGEST_STEP / step.amax()).min(1.0);
         for _ in 0..8 {
@@ -312,11 +310,8 @@ fn direction_names(system: &System, local: &Local, v: &DVector<f64>) -> String {
     named.map(|i| system.topology.names[coordinates[*i]].clone()).collect::<Vec<_>>().join(" + ")
 }
 
-fn unrestrained(system: &System, local: &Local, spectrum: &Spectrum) -> Error {
-    let free = (0..spectrum.values.len()).filter(|k| !spectrum.is_held(*k));
-    let pushed = free.max_by(|a, b| spectrum.push(*a, &local.r).total_cmp(&spectrum.push(*b, &local.r)));
-    let name =
-        pushed.map_or_else(String::new, |k| direction_names(system, local, &spectrum.vectors.column(k).into_owned()));
+fn unrestrained(system: &System, local: &Local, direction: &DVector<f64>) -> Error {
+    let name = direction_names(system, local, direction);
     Error::singular(format!(
         "nothing restrains the direction {name} but a force acts along it: add a spring, a joint or an opposing force"
     ))
@@ -328,13 +323,12 @@ fn at_rest<'a>(system: &'a System, state: &'a State, effects: Effects) -> Settin
 
 fn finish(system: &System, state: State, local: Local, effects: Effects, iterations: usize) -> Result<Equilibrium> {
     let spectrum = spectrum(&local)?;
-    let mut free_directions = Vec::new();
-    for k in (0..spectrum.values.len()).filter(|k| !spectrum.is_held(*k)) {
-        if spectrum.push(k, &local.r) > PUSHED {
-            return Err(unrestrained(system, &local, &spectrum));
-        }
-        free_directions.push(direction_names(system, &local, &spectrum.vectors.column(k).into_owned()));
+    if let Some(direction) = pushed_freely(&local, &spectrum)? {
+        return Err(unrestrained(system, &local, &direction));
     }
+    let free = (0..spectrum.values.len()).filter(|k| !spectrum.is_held(*k));
+    let free_directions =
+        free.map(|k| direction_names(system, &local, &spectrum.vectors.column(k).into_owned())).collect();
     let error = distance(&at_rest(system, &state, effects), &local, &spectrum).unwrap_or(f64::NAN);
     let stable = spectrum.stable();
     let residual = local.unbalance();

@@ -1,8 +1,10 @@
 //! Newton's step of an equilibrium, and the one of relaxation: (K + sigma M)^-1.
 use nalgebra::{DMatrix, DVector};
 
+use crate::equilibrium::followers;
 use crate::equilibrium::local::{Local, Spectrum};
-use crate::error::{Error, Result};
+use crate::error::Result;
+use crate::tolerances::equilibrium::PUSHED;
 
 /// Where relaxation begins: stiffness, or what the forces make of the masses, over the largest mass.
 pub(crate) fn initial_sigma(local: &Local) -> f64 {
@@ -26,15 +28,30 @@ pub(crate) fn newton_answer(local: &Local, spectrum: &Spectrum, r: &DVector<f64>
     Ok(all.column(0).into_owned())
 }
 
+/// K itself where it leads downhill anyway; its symmetric part where that decides about up and down.
+fn by_whole(local: &Local, spectrum: &Spectrum) -> bool {
+    let definite = (0..spectrum.values.len()).all(|k| spectrum.values[k] > spectrum.none[k]);
+    !local.conservative() && (definite || !local.may_be_conservative())
+}
+
+/// A direction along which a force works and nothing restrains the model.
+pub(crate) fn pushed_freely(local: &Local, spectrum: &Spectrum) -> Result<Option<DVector<f64>>> {
+    let free = (0..spectrum.values.len()).filter(|k| !spectrum.is_held(*k));
+    let pushed = free.max_by(|a, b| spectrum.push(*a, &local.r).total_cmp(&spectrum.push(*b, &local.r)));
+    if let Some(k) = pushed.filter(|k| spectrum.push(*k, &local.r) > PUSHED) {
+        return Ok(Some(spectrum.vectors.column(k).into_owned()));
+    }
+    if !by_whole(local, spectrum) {
+        return Ok(None);
+    }
+    let found = followers::loose(local)?.into_iter().find(|loose| loose.is_pushed);
+    Ok(found.map(|loose| loose.direction))
+}
+
 /// The same for each column of forces.
 pub(crate) fn newton_answers(local: &Local, spectrum: &Spectrum, r: &DMatrix<f64>) -> Result<DMatrix<f64>> {
-    // K itself where it leads downhill anyway; its symmetric part where that decides about up and down
-    let definite = (0..spectrum.values.len()).all(|k| spectrum.values[k] > spectrum.none[k]);
-    if !local.conservative() && (definite || !local.may_be_conservative()) {
-        let step = local.k.clone().lu().solve(&-r).filter(|s| s.iter().all(|v| v.is_finite()));
-        return step.ok_or_else(|| {
-            Error::singular("the tangent stiffness is singular under follower loads; restrain the model")
-        });
+    if by_whole(local, spectrum) {
+        return followers::answers(local, r);
     }
     let mut along = spectrum.vectors.transpose() * r;
     for (k, mut row) in along.row_iter_mut().enumerate() {

@@ -313,9 +313,10 @@ impl<'a, T: Field> Space<'a, T> {
         self.size = k;
     }
 
-    /// As `restart`, but going on with new random vectors: what the old ones could not see comes to light.
+    /// As `restart`, but going on with new random vectors: what the old ones could not see comes to light. Of those to keep only what has
+    /// converged stays, since what the operator makes of the others leads out of the space.
     pub fn restart_afresh(&mut self, ritz: &Ritz, keep: usize) -> Result<()> {
-        self.restart(ritz, keep);
+        self.restart(ritz, keep.min(self.converged(ritz)));
         let k = self.size;
         self.t.as_mut().submatrix_mut(k, 0, self.options.block, k).fill(T::real(0.0));
         self.counts.add("random restarts", 1);
@@ -425,5 +426,8 @@ fn basis<T: Field>(ritz: &Ritz, keep: usize) -> Mat<T> {
         k += if paired { 2 } else { 1 };
     }
     let a = Mat::from_fn(p, columns.len(), |i, j| columns[j][i]);
+    if columns.is_empty() {
+        return a;
+    }
     a.qr().compute_thin_Q()
 }

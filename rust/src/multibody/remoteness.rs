@@ -4,16 +4,18 @@
 //! goes by its arms: from the centre of mass to where it is joined, and its radius of gyration.
 use crate::multibody::System;
 use crate::multibody::placement::place;
+use crate::tolerances::constraints::POSE_ROUNDING;
 
 impl System {
-    /// The largest distance from the origin over the longest arm of a body, in a pose: rounding of M and K by places, over eps.
+    /// The largest distance from the origin over the longest arm of a body, in a pose: rounding of M and K by places, over eps. Where an arm
+    /// is itself rounding of places, the body is joined at its origin, and nothing goes by its arms.
     pub fn remoteness(&self, q: &[f64]) -> f64 {
         let topology = &*self.topology;
         let poses = place(topology, &self.geometry, q, None).pose;
         let arms = self.arms();
-        let ratio = |(body, arm): (usize, &f64)| match *arm > 0.0 {
-            true => poses[topology.node_of_body[body]].p.norm() / arm,
-            false => 0.0,
+        let ratio = |(body, arm): (usize, &f64)| {
+            let distance = poses[topology.node_of_body[body]].p.norm();
+            if *arm > POSE_ROUNDING * f64::EPSILON * distance { distance / arm } else { 0.0 }
         };
         arms.iter().enumerate().map(ratio).fold(0.0, f64::max)
     }

@@ -1,4 +1,5 @@
-//! Limit cycles: the frequency is unknown, and a phase condition says where on the cycle time begins.
+//! Motions of which one frequency is their own, limit cycles and tori behind a Neimark-Sacker point: the frequency is unknown, and a
+//! condition says where its phase begins.
 use faer::prelude::*;
 
 use super::aft::derivative;
@@ -9,7 +10,7 @@ use crate::run::Cancel;
 use crate::solve::newton::{self, Options, Outcome};
 use crate::solve::{Curve, Linearisation, nan_or_largest};
 
-/// Unknowns [y, omega]; the added equation is phase . y = 0.
+/// Unknowns [y, omega_free]; the added equation is phase . y = 0.
 pub struct Cycle<'a> {
     problem: &'a mut Problem,
     phase: Vec<f64>,
@@ -17,10 +18,10 @@ pub struct Cycle<'a> {
 }
 
 impl<'a> Cycle<'a> {
-    /// The phase of the motion y is held: changes are orthogonal to its time derivative.
-    pub fn new(problem: &'a mut Problem, y: &[f64]) -> Cycle<'a> {
-        problem.parameter = Parameter::Omega(0);
-        let mut phase = rate(problem, y);
+    /// The phase of the motion y is held: changes are orthogonal to its derivative by the phase of the free frequency.
+    pub fn new(problem: &'a mut Problem, y: &[f64], free: usize) -> Cycle<'a> {
+        problem.parameter = Parameter::Omega(free);
+        let mut phase = rate(problem, y, free);
         let size = phase.iter().fold(0.0_f64, |a, b| a.max(b.abs()));
         phase.iter_mut().for_each(|p| *p /= size);
         let inner = Linearisation::new(y.len());
@@ -28,10 +29,10 @@ impl<'a> Cycle<'a> {
     }
 }
 
-/// Coefficients of dx/dtau for those of x: the direction in which the phase of a motion changes.
-pub fn rate(problem: &Problem, y: &[f64]) -> Vec<f64> {
+/// Coefficients of dx/dtau_i for those of x: the direction in which the phase of frequency i changes.
+pub fn rate(problem: &Problem, y: &[f64], frequency: usize) -> Vec<f64> {
     let (n, n_c) = (problem.n(), problem.basis.n_coefficients());
-    let harmonics = problem.basis.slope(0);
+    let harmonics = problem.basis.slope(frequency);
     let mut out = vec![0.0; y.len()];
     let mut rate = vec![0.0; n_c];
     for i in 0..n {
@@ -75,24 +76,24 @@ impl Curve for Cycle<'_> {
     }
 }
 
-/// Newton's method from z = [y, omega], which ends as the cycle.
-pub fn solve(problem: &mut Problem, z: &mut [f64], options: Options, cancel: &Cancel) -> Result<Outcome> {
+/// Newton's method from z = [y, omega_free], which ends as the motion.
+pub fn solve(problem: &mut Problem, z: &mut [f64], free: usize, options: Options, cancel: &Cancel) -> Result<Outcome> {
     let n = z.len() - 1;
-    let mut cycle = Cycle::new(problem, &z[..n]);
+    let mut cycle = Cycle::new(problem, &z[..n], free);
     let mut out = Linearisation::new(z.len());
     newton::solve(&mut cycle, z, 0.0, options, &mut out, cancel)
 }
 
 /// Relative error of the coefficients and of the frequency: one Newton step with more terms and samples, and one by what rounding of the
 /// equations may change.
-pub fn estimate(problem: &Problem, z: &[f64], finer: &Finer) -> Result<f64> {
+pub fn estimate(problem: &Problem, z: &[f64], free: usize, finer: &Finer) -> Result<f64> {
     let n = z.len() - 1;
     let mut larger = problem.on(problem.basis.extended(&finer.extra), &finer.dims)?;
     let size = larger.size();
     let mut extended = vec![0.0; size + 1];
     extended[..n].copy_from_slice(&z[..n]);
     extended[size] = z[n];
-    let mut cycle = Cycle::new(&mut larger, &extended[..size]);
+    let mut cycle = Cycle::new(&mut larger, &extended[..size], free);
     let mut out = Linearisation::new(size + 1);
     cycle.linearise(&extended, 0.0, &mut out)?;
     let rounding = larger.row_rounding(&extended[..size]);

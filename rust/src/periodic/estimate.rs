@@ -6,7 +6,7 @@
 use faer::prelude::*;
 
 use super::basis::Finer;
-use super::problem::Problem;
+use super::problem::{Parameter, Problem};
 use crate::error::Result;
 use crate::solve::{Curve as _, Linearisation, nan_or_largest};
 
@@ -106,6 +106,16 @@ impl Estimator {
         let odd = |i: usize| self.larger.basis.indices[(i / n - 1) / 2][0] % 2 != 0;
         (0..step.len()).map(|i| if i < n_own || odd(i) { 0.0 } else { step[i] }).collect()
     }
+}
+
+/// The estimated error of a solution y by itself; `value` is that of the parameter of a family.
+pub fn error_at(mut problem: Problem, finer: &Finer, y: &[f64], value: Option<f64>) -> Result<f64> {
+    if let Some(value) = value {
+        problem.parameter = Parameter::Family;
+        problem.set_parameter(value)?;
+    }
+    problem.linearise_here(y, &mut Linearisation::new(y.len()))?;
+    Ok(Estimator::new(&problem, finer)?.estimate(&problem, y)?.error)
 }
 
 /// Amplitudes sqrt(a^2 + b^2) of all terms and coordinates.

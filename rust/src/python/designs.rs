@@ -10,7 +10,7 @@ use crate::error::{Error, Result};
 use crate::spatial::V3;
 
 use super::expressions::program;
-use super::model_work::{LINEARIZATION, fits, run};
+use super::model_work::{DERIVATIVES, fits, run};
 use super::system::PySystem;
 
 pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
@@ -77,7 +77,7 @@ impl PyPlan {
         by: Vec<GivenPlace>,
         equilibrium: bool,
     ) -> PyResult<Self> {
-        fits(&system.0, "derivatives of a linearisation", 2.0 * LINEARIZATION)?;
+        fits(&system.0, &DERIVATIVES)?;
         let (n_v, n_x) = (parameters.len(), system.0.x.len());
         let program = program(nodes, Vec::new())?;
         if driven.iter().any(|(slot, node)| *slot >= n_x || *node >= program.n_nodes()) || program.n_inputs() > n_v {

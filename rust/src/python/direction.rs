@@ -12,7 +12,7 @@ use crate::sensitivity::direction::Common;
 use crate::sensitivity::direction::Directional;
 use crate::sensitivity::direction::Entries;
 
-use super::model_work::{LINEARIZATION, fits, run};
+use super::model_work::{DERIVATIVES, fits, run};
 use super::system::{PySystem, effects, state_of};
 use crate::multibody::System;
 
@@ -93,7 +93,7 @@ fn directions<'py>(
     if directions.iter().any(|(i, v)| i.len() != v.len() || i.iter().any(|i| *i >= n_x)) {
         return Err(Error::model("a direction does not fit the value vector").into());
     }
-    fits(&system.0, "derivatives of a linearisation", 2.0 * LINEARIZATION)?;
+    fits(&system.0, &DERIVATIVES)?;
     let (all, dof) = run(py, &system.0, move |system, cancel| {
         let setting = Setting { system, state: &state, memory: &memory, acceleration: &[], effects };
         let base = linearize(&setting, &mut Counts::default())?;

@@ -243,7 +243,11 @@ pub fn fits(system: &LinearSystem) -> Result<()> {
     let n = system.size() as f64;
     let what = format!("a reduction of {n} coordinates");
     let squares = if system.given().is_undamped() { UNDAMPED_REDUCTION } else { REDUCTION };
-    memory::require(8.0 * squares * n * n, &what, "reduce the system to its lowest modes")
+    memory::require(
+        8.0 * squares * n * n,
+        &what,
+        "give sparse matrices, which are solved frequency by frequency, or reduce the system to its lowest modes",
+    )
 }
 
 /// Square matrices of a reduction with its checks: 36 to 43 measured at n = 300 to 600 without, 76 to 86 with damping.

@@ -12,7 +12,7 @@ use crate::error::{Error, Result};
 use crate::periodic::autonomous;
 use crate::periodic::basis::{Basis, Finer};
 use crate::periodic::element::Element;
-use crate::periodic::estimate::{Estimate, Estimator};
+use crate::periodic::estimate::{Estimate, Estimator, error_at};
 use crate::periodic::family::{Family, Member, Placed};
 use crate::periodic::linear::{DynamicStiffness, Matrices};
 use crate::periodic::peak::Quantity;
@@ -166,25 +166,40 @@ impl HbmProblem {
         })
     }
 
-    /// A limit cycle from the guess z = [y, omega].
-    #[pyo3(signature = (z, *, tolerance, max_iterations))]
+    /// Estimated relative error of a solution y at (omega, level, value of the parameter of a family).
+    fn estimate(
+        &self,
+        py: Python<'_>,
+        y: PyReadonlyArray1<'_, f64>,
+        at: (Vec<f64>, f64, Option<f64>),
+    ) -> PyResult<f64> {
+        let (omega, level, value) = at;
+        let y = y.as_slice()?.to_vec();
+        drop(self.at(&omega, y.len(), level)?);
+        let (problem, finer) = (self.separate()?, self.finer.clone());
+        interruptible(py, move |_| error_at(problem, &finer, &y, value))
+    }
+
+    /// A motion of which one frequency is its own, from the guess z = [y, omega[free]]; `at`: all frequencies, and the free one.
+    #[pyo3(signature = (z, at, *, tolerance, max_iterations))]
     fn cycle(
         &self,
         py: Python<'_>,
         z: PyReadonlyArray1<'_, f64>,
+        at: (Vec<f64>, usize),
         tolerance: f64,
         max_iterations: usize,
     ) -> PyResult<Cycle> {
-        let mut z = z.as_slice()?.to_vec();
-        let mut problem = self.separate()?;
-        if z.len() != problem.size() + 1 {
-            return Err(Error::model("coefficients of a wrong size").into());
+        let (mut z, (omega, free)) = (z.as_slice()?.to_vec(), at);
+        if free >= omega.len() {
+            return Err(Error::model("there is no such frequency").into());
         }
-        let finer = self.finer.clone();
+        drop(self.at(&omega, z.len().saturating_sub(1), 1.0)?);
+        let (mut problem, finer) = (self.separate()?, self.finer.clone());
         let options = Options { tolerance, max_iterations };
         interruptible(py, move |cancel| {
-            let outcome = autonomous::solve(&mut problem, &mut z, options, cancel)?;
-            let error = autonomous::estimate(&problem, &z, &finer)?;
+            let outcome = autonomous::solve(&mut problem, &mut z, free, options, cancel)?;
+            let error = autonomous::estimate(&problem, &z, free, &finer)?;
             Ok(Cycle {
                 z: Vector(z),
                 converged: outcome.converged,
@@ -322,7 +337,7 @@ fn judged(
     free: bool,
 ) -> Result<Verdict> {
     let p = problem.parameter_value();
-    let mut along = if free { autonomous::rate(problem, y) } else { vec![0.0; y.len()] };
+    let mut along = if free { autonomous::rate(problem, y, 0) } else { vec![0.0; y.len()] };
     along.push(if free { 0.0 } else { 1.0 });
     let z: Vec<f64> = y.iter().copied().chain([p]).collect();
     let steps = [1.0, EVENT_SOLVED, 1.0];
@@ -364,7 +379,7 @@ struct Solved {
     broken: Option<usize>,
 }
 
-/// A limit cycle z = [y, omega].
+/// A motion z = [y, omega[free]].
 #[derive(IntoPyObject)]
 struct Cycle {
     z: Vector<f64>,

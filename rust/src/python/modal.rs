@@ -22,7 +22,11 @@ pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
 /// Refuses so many matrices of so many entries each that do not fit into memory.
 pub fn holds(entries: usize, parts: usize) -> Result<()> {
     let what = format!("a linear system of {parts} dense matrices, for its modes or its reduction,");
-    memory::require(8.0 * (entries * parts) as f64, &what, "give them sparse, and ask for the lowest modes (n=)")
+    memory::require(
+        8.0 * (entries * parts) as f64,
+        &what,
+        "give them sparse: the lowest modes (n=) and transfer functions then take no dense ones",
+    )
 }
 
 /// Refuses a system whose modes do not fit into memory.

@@ -13,10 +13,35 @@ const SHORT: usize = 60;
 /// The same for a pass over an open tree, which takes some milliseconds then.
 const SHORT_PASS: usize = 1000;
 
+/// What is made of dense matrices: the squares of the tree coordinates that it holds at a time, beside the maps of bodies and loops, and
+/// what helps where they do not fit.
+pub struct DenseWork {
+    what: &'static str,
+    squares: f64,
+    remedy: &'static str,
+}
+
 // Measured as the largest resident memory over that of the model, n = 400 and 800, one coordinate a body, with a third to spare:
 // a linearisation has 6 squares beside its body map (12 n n_bodies with its copy), an equilibrium 15.
-pub const LINEARIZATION: f64 = 10.0;
-pub const EQUILIBRIUM: f64 = 20.0;
+pub const LINEARIZATION: DenseWork = DenseWork {
+    what: "a linearisation",
+    squares: 10.0,
+    remedy: "the lowest modes alone take sparse matrices, mb.modes(m, n=...); for all else divide the model, or put elastic bodies \
+             (mb.flexible.craig_bampton) in place of parts of it",
+};
+pub const EQUILIBRIUM: DenseWork = DenseWork {
+    what: "an equilibrium",
+    squares: 20.0,
+    remedy: "a model that is drawn in balance needs none, and mb.modes(m, n=...) takes it as it is drawn; otherwise divide the model, or \
+             put elastic bodies (mb.flexible.craig_bampton) in place of parts of it",
+};
+pub const REACTIONS: DenseWork =
+    DenseWork { what: "reactions", squares: LINEARIZATION.squares, remedy: "divide the model into parts" };
+pub const DERIVATIVES: DenseWork = DenseWork {
+    what: "derivatives of a linearisation",
+    squares: 2.0 * LINEARIZATION.squares,
+    remedy: "divide the model, or take differences of mb.modes(m, n=...), which takes sparse matrices",
+};
 const BODY_MAPS: f64 = 14.0;
 const LOOP_MAPS: f64 = 6.0;
 
@@ -61,14 +86,13 @@ pub fn compile(py: Python<'_>, read: Tables) -> PyResult<System> {
     }
 }
 
-/// Refuses what is made of dense matrices where they do not fit: `squares` of the tree coordinates at a time, beside the maps of
-/// bodies and loops.
-pub fn fits(system: &System, what: &str, squares: f64) -> Result<()> {
+/// Refuses what is made of dense matrices where they do not fit.
+pub fn fits(system: &System, made: &DenseWork) -> Result<()> {
     let topology = &system.topology;
     let [n, rows, bodies] = [system.n_tree(), topology.rows.len(), system.n_bodies()].map(|n| n as f64);
     memory::require(
-        8.0 * n * (squares * n + LOOP_MAPS * rows + BODY_MAPS * bodies),
-        &format!("{what} of {n} coordinates of the tree by dense matrices"),
-        "for the lowest modes give n=, which takes sparse matrices; otherwise divide the model into parts",
+        8.0 * n * (made.squares * n + LOOP_MAPS * rows + BODY_MAPS * bodies),
+        &format!("{} of {n} coordinates of the tree by dense matrices", made.what),
+        made.remedy,
     )
 }

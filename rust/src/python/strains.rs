@@ -64,7 +64,7 @@ pub fn stiffness_factor<'py>(
     state: State,
     effects: Effects,
 ) -> PyResult<Option<Bound<'py, PyArray2<f64>>>> {
-    fits(system, "a linearisation", LINEARIZATION)?;
+    fits(system, &LINEARIZATION)?;
     let made = run(py, system, move |system, _| {
         let setting = Setting { system, state: &state, memory: &[], acceleration: &[], effects };
         let base = linearize(&setting, &mut Counts::default())?;

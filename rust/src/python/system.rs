@@ -29,7 +29,7 @@ use crate::tolerances::coordinates::UNIT_QUATERNION;
 
 use super::border::{counts_dict, moved};
 use super::law_places;
-use super::model_work::{EQUILIBRIUM, LINEARIZATION, compile, fits, run, run_pass};
+use super::model_work::{EQUILIBRIUM, LINEARIZATION, REACTIONS, compile, fits, run, run_pass};
 use super::second_order::PySecondOrder;
 use super::strains;
 use super::tables::{tables, values};
@@ -264,7 +264,7 @@ impl PySystem {
     ) -> PyResult<Bound<'py, PyDict>> {
         let start = state_of(&self.0, &q, &empty(py)?)?;
         let effects = effects(&without)?;
-        fits(&self.0, "an equilibrium", EQUILIBRIUM)?;
+        fits(&self.0, &EQUILIBRIUM)?;
         let (eq, parts, counts): (Equilibrium, Parts, Counts) = run(py, &self.0, move |system, cancel| {
             let mut counts = Counts::default();
             let found = equilibrium(system, &start, effects, cancel, &mut counts)?;
@@ -311,7 +311,7 @@ impl PySystem {
         } else {
             holding(&self.0.topology, &held)
         };
-        fits(&self.0, "a linearisation", LINEARIZATION)?;
+        fits(&self.0, &LINEARIZATION)?;
         if !acceleration.is_empty() && acceleration.len() != self.0.n_tree() {
             let n = self.0.n_tree();
             return Err(Error::model(format!(
@@ -395,7 +395,7 @@ impl PySystem {
         let mut state = state_of(&self.0, &q, &empty(py)?)?;
         let effects = effects(&without)?;
         let z = nalgebra::DVector::from_vec(values(&increments));
-        fits(&self.0, "a linearisation", LINEARIZATION)?;
+        fits(&self.0, &LINEARIZATION)?;
         let moved = run(py, &self.0, move |system, _| {
             let setting = Setting { system, state: &state, memory: &[], acceleration: &[], effects };
             let base = linearize(&setting, &mut Counts::default())?;
@@ -547,7 +547,7 @@ impl PySystem {
     ) -> PyResult<Bound<'py, numpy::PyArray2<f64>>> {
         let state = state_of(&self.0, &q, &rate)?;
         let effects = effects(&without)?;
-        fits(&self.0, "reactions", LINEARIZATION)?;
+        fits(&self.0, &REACTIONS)?;
         let all = run(py, &self.0, move |system, _| {
             let setting = Setting { system, state: &state, memory: &[], acceleration: &[], effects };
             let base = linearize(&setting, &mut Counts::default())?;
