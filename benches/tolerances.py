@@ -177,15 +177,16 @@ def summary(folder: Path) -> str:
     rows = [f"| `{n}` | {' | '.join(map(cell, cells[n]))} |" for n in rest if open_ends[n]]
     whys = [line(c, open_ends[name(c)]) for c in numbers if name(c) in explained]
     unnamed = [f"`{name(c)}`" for c in numbers if not named(c) and name(c) not in explained]
-    return "\n\n".join(
-        [
-            f"Of {len(numbers)} numbers {seen} are seen in both directions, {len(explained)} as far as a test can see them, "
-            f"{len(rows)} name tests that do not see them in both, {len(unnamed)} name none.",
-            folded("\n".join(heads + rows), "not seen in both directions"),
-            folded("\n".join(whys), f"{len(explained)} that no test can see, or from one side only"),
-            folded(", ".join(unnamed) + ".", f"{len(unnamed)} name no test"),
-        ]
+    folds = [
+        (rows, folded("\n".join(heads + rows), "not seen in both directions")),
+        (whys, folded("\n".join(whys), f"{len(explained)} that no test can see, or from one side only")),
+        (unnamed, folded(", ".join(unnamed) + ".", f"{len(unnamed)} name no test")),
+    ]
+    counted = (
+        f"Of {len(numbers)} numbers {seen} are seen in both directions, {len(explained)} as far as a test can see them, "
+        f"{len(rows)} name tests that do not see them in both, {len(unnamed)} name none."
     )
+    return "\n\n".join([counted, *(fold for members, fold in folds if members)])
 
 
 def reasons(constant: Constant) -> dict[str, str]:

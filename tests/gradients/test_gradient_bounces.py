@@ -22,6 +22,7 @@ class Ball:
         axis = rng.normal(size=3)
         self.length, self.axis = length, axis / np.linalg.norm(axis)
         self.g = length * rng.uniform(5.0, 15.0)
+        self.pull, self.speed = self.g, 0.0
         drop = length * rng.uniform(0.3, 0.6)
         stiff = 10.0 ** rng.uniform(3, 7) if stiff is None else stiff
         self.stiff = stiff
@@ -38,8 +39,9 @@ class Ball:
 
     def model(self, law=None):
         mass, k, drop, c = self.values.values()
-        m = mb.Model("bouncing ball", gravity=tuple(self.g * self.axis))
-        b = m.body("ball", mass=mass, inertia=(mass * self.length**2,) * 3, at=self.at)
+        m = mb.Model("bouncing ball", gravity=tuple(self.pull * self.axis))
+        velocity = tuple(self.speed * self.axis)
+        b = m.body("ball", mass=mass, inertia=(mass * self.length**2,) * 3, at=self.at, velocity=velocity)
         m.prismatic("rail", m.ground, b, at=self.at, axis=self.axis, c=c, law=law or mb.Gap(k, drop))
         m.marker("far", m.ground, at=self.at + self.length * np.array([0.6, -0.5, 0.62]))
         return m
@@ -200,6 +202,46 @@ def test_a_dashpot_that_begins_with_the_contact_jumps():
     law = mb.FunctionLaw(lambda t, u, v: np.where(u > drop, k * (u - drop) + c * v, 0.0))
     with pytest.warns(KinkWarning, match="its force jumps"):
         assert by_mass(ball, law).status == "kinks"
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_small_jump_is_one_and_a_stiff_contact_none(seed):
+    """A five hundredth of the weight, where the contact begins; and a spring of 1e10 weights over the height."""
+    soft, stiff = (Ball(seed, k, damped=False, bounces=1) for k in (1e3, 1e10))
+
+    def law(ball, jump):
+        mass, k, drop, _ = ball.values.values()
+        return mb.FunctionLaw(lambda t, u, v: np.where(u > drop, k * (u - drop) + jump * mass * ball.g, 0.0))
+
+    with pytest.warns(KinkWarning, match="its force jumps"):
+        assert by_mass(soft, law(soft, 2e-3)).status == "kinks"
+    found = by_mass(stiff, law(stiff, 0.0))
+    assert not found.kinks and found.gradient == pytest.approx(stiff.exact()[0], rel=3 * found.error)
+
+
+class Thrown(Ball):
+    """Thrown up against a stop of which it passes the place by a part of the length, without damping."""
+
+    def __init__(self, seed, beyond, stiff=1e6):
+        super().__init__(seed, stiff, damped=False)
+        drop = self.values["rail.law[1]"]
+        self.pull, self.speed = -self.g, np.sqrt(2 * self.g * (drop + beyond * self.length))
+        self.end = self.speed / self.g * np.random.default_rng([seed, 41]).uniform(1.4, 1.9)
+
+    def fallen(self, values):
+        mass, k, drop, _ = values
+        speed, w = np.sqrt(self.speed**2 - 2 * self.g * drop), np.sqrt(k / mass)
+        t = self.end - (self.speed - speed) / self.g - 2 * np.arctan(speed * w / self.g) / w
+        return drop - speed * t - 0.5 * self.g * t * t
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize(("scheme", "beyond"), [("explicit", 3e-9), ("radau", 3e-7)])
+def test_a_stop_that_is_hardly_touched_within_a_step(scheme, beyond, seed):
+    """By a part of the length that changes the motion by its root, and the derivative by all of it."""
+    ball = Thrown(seed, beyond)
+    off, _ = ball.off(ball.model(), scheme, "direct")
+    assert off < 1e-3
 
 
 @pytest.mark.some(2)

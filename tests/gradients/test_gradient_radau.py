@@ -164,7 +164,7 @@ def errors_of_motion_and_derivatives(make, scheme, steps):
 
 @pytest.mark.some(1)
 @pytest.mark.parametrize("make", list(SMOOTH), ids=lambda f: f.__name__)
-def test_motion_and_derivatives_have_the_order_of_the_scheme(make):
+def test_motion_and_derivatives_have_the_order_of_radau(make):
     errors = errors_of_motion_and_derivatives(make, "radau", (0.02, 0.01))
     orders = np.log2(np.divide(*errors))
     print(f"{make.__name__}: errors {errors[1]}, orders {orders}")

@@ -230,6 +230,26 @@ def test_an_unrestrained_direction_that_is_pushed_is_named():
         mb.equilibrium(m)
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_a_free_direction_is_named_by_its_large_coordinates(seed):
+    """Two rails, one on the other, and a spring in whose direction a tenth of the first one's way undoes the second one's."""
+    rng = np.random.default_rng([44, seed])
+    first, second, _ = np.linalg.qr(rng.normal(size=(3, 3)))[0].T
+    at, along = rng.normal(size=3), (0.1 * first + second) / np.hypot(0.1, 1.0)
+    m = mb.Model("rails")
+    a = m.body("a", mass=1.0, inertia=(1, 1, 1), at=at)
+    b = m.body("b", mass=1.0, inertia=(1, 1, 1), at=at)
+    m.prismatic("long way", m.ground, a, at=at, axis=first)
+    m.prismatic("short way", a, b, at=at, axis=second)
+    k = np.zeros((6, 6))
+    k[:3, :3] = 100.0 * np.outer(along, along)
+    m.bushing("spring", m.ground, b, at=at, k=k)
+    m.force("push", a, at=at, value=tuple(5.0 * first))
+    with pytest.raises(mb.SingularError, match=r"nothing restrains the direction long way") as caught:
+        mb.equilibrium(m)
+    assert "short way" not in str(caught.value)
+
+
 def test_a_body_in_free_fall_is_named():
     m = mb.Model("falling", gravity=(0, 0, -9.81))
     m.body("stone", mass=1.0, inertia=(1, 1, 1), at=(0, 0, 0))

@@ -322,14 +322,40 @@ def test_a_mass_may_be_negative_by_rounding(least, refused):
     np.testing.assert_allclose(_core.mixed_modes(arrays(M), A, 3)["lambda"], 1 / inverse[:3], rtol=1e-9)
 
 
-def test_a_stiff_mode_beside_a_constraint_is_a_mode():
+@pytest.mark.parametrize("sigma", [None, 0.0])
+def test_a_stiff_mode_beside_a_constraint_is_a_mode(sigma):
     """All eleven modes of twelve masses in a row, two of them held together; the last spring is 1e10 times stiffer."""
     n, k = 12, np.r_[np.ones(11), 1e10]
     both = sp.vstack([springs(n, True), sp.csr_matrix(([1.0, -1.0], ([0, 0], [2, 3])), shape=(1, n))])
     A = arrays(augmented(both, np.r_[1 / k, 0.0]))
-    assert _core.mixed_modes(arrays(sp.identity(n)), A, 11)["lambda"][-1] == pytest.approx(2e10, rel=1e-6)
+    assert _core.mixed_modes(arrays(sp.identity(n)), A, 11, sigma)["lambda"][-1] == pytest.approx(2e10, rel=1e-6)
     with pytest.raises(_core.CoreModelError, match="leave 11"):
-        _core.mixed_modes(arrays(sp.identity(n)), A, 12)
+        _core.mixed_modes(arrays(sp.identity(n)), A, 12, sigma)
+
+
+@pytest.mark.parametrize("soft", [1e-12, 1e-16, 1e-20, 1e-22])
+@pytest.mark.parametrize("n", [12, 60, 400])
+def test_a_row_on_a_spring_of_any_softness(n, soft):
+    """The first root is that of the whole mass on the soft spring, the others are those of the free row."""
+    both = springs(n, True)
+    r = _core.mixed_modes(arrays(sp.identity(n)), arrays(augmented(both, 1 / np.r_[soft, np.ones(n - 1)])), 4)
+    exact = np.r_[soft / n, chain_eigenvalues(n, 4, False)[1:]]
+    error = np.abs(r["lambda"] / exact - 1)
+    print(f"{n}, {soft}: {error}, said {r['error']}, shift {r['sigma']:.1e}, {r['counts']}")
+    # a soft spring changes the others by about itself over theirs
+    assert r["rigid"] == 0 and np.all(error <= r["error"] + n**2 * soft) and r["error"].max() < 1e-5
+
+
+@pytest.mark.parametrize("n", [30, 300])
+def test_a_free_row_of_any_springs_has_one_rigid_motion(n):
+    for seed in range(10):
+        rng = np.random.default_rng([seed, n])
+        k, m = np.exp(rng.uniform(-8, 8, n - 1)), np.exp(rng.uniform(-3, 3, n))
+        r = _core.mixed_modes(arrays(sp.diags(m)), arrays(augmented(springs(n, False), 1 / k)), 3)
+        B = np.sqrt(k)[:, None] * springs(n, False).toarray() / np.sqrt(m)
+        exact = np.sort(scipy.linalg.svdvals(B))[:2] ** 2
+        assert r["rigid"] == 1 and r["lambda"][0] == 0.0
+        np.testing.assert_allclose(r["lambda"][1:], exact, rtol=1e-9)
 
 
 @pytest.mark.parametrize("values", [[2.0], [1.0, 3.0]])

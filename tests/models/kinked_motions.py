@@ -232,10 +232,10 @@ def _hysteretic(n, k, alpha, beta, gamma):
     return truth
 
 
-def dry(seed: int) -> Scene:
-    """Friction whose force jumps as the rate reverses, pushed too hard to stick: a function with a switch."""
+def dry(seed: int, part: float = 0.05) -> Scene:
+    """Friction, of a part of the push, whose force jumps as the rate reverses, pushed too hard to stick: a function with a switch."""
     n = Numbers(np.random.default_rng([seed, 5]))
-    f = 0.05 * n.push
+    f = part * n.push
 
     def rates(t, y, sides):
         u, v = y

@@ -6,7 +6,7 @@ import mbrs as mb
 import motion_problems as zoo
 import numpy as np
 import pytest
-from kinked_motions import SCENES, Numbers, by_pieces, stops
+from kinked_motions import SCENES, Numbers, by_pieces, dry, stops
 from test_motion_limits import Bouncing
 
 ORDER_TWO = ["generalized-alpha", "ali3p"]
@@ -70,6 +70,22 @@ def test_a_tolerance_is_that_of_the_whole_motion(name, rtol):
     assert motion(SCENES[name](1), "bdf-bfgs", rtol)[1] < rtol
 
 
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("rtol", [1e-3, 1e-5])
+def test_steps_end_at_kinks_that_errors_show(rtol, seed):
+    """Friction of ten tolerances of the push, and of a tenth of one."""
+    (strong, error), (weak, small) = (motion(dry(seed, part * rtol), "radau", rtol) for part in (10.0, 0.1))
+    assert strong.stats.counts["kinks met"] >= 5 and error < 3 * rtol
+    assert not any(weak.stats.counts.get(k, 0) for k in WORK) and small < 3 * rtol
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_steps_behind_kinks_are_not_short_for_nothing(seed):
+    """One or two from corner to corner of a measured curve."""
+    counts = motion(SCENES["cornered"](seed), "explicit", 1e-3)[0].stats.counts
+    assert counts["steps"] < 2.5 * counts["kinks met"]
+
+
 def test_a_step_that_leaves_a_kink_and_comes_back_is_seen():
     """The block is behind a corner within a step alone, and farther from it on the side that it came from."""
     assert motion(SCENES["cornered"](0), "explicit", 1e-4)[1] < 30e-4
@@ -85,6 +101,15 @@ def test_a_stiff_contact_is_not_stepped_over(method, seed):
         print(f"{method}, {rtol:.0e}: error {ball.error(traj):.1e}, {traj.stats.counts['kinks met']} kinks met")
         assert traj.stats.counts["kinks met"] == 4
         assert ball.error(traj) < 100 * rtol
+
+
+def test_steps_behind_contacts_are_good_at_once():
+    """Of a spring that does not act yet the error is that of its first vibration: few steps are made again."""
+    balls = [Bouncing(seed, stiff) for seed in range(3) for stiff in (1e4, 1e6, 1e8)]
+    counts = [mb.simulate(b.model(), 3.3 * b.fall, rtol=1e-4, method="bdf").stats.counts for b in balls]
+    print([c["rejected steps"] for c in counts])
+    assert all(c["kinks met"] == 4 for c in counts)
+    assert sum(c["rejected steps"] for c in counts) < 45
 
 
 @pytest.mark.parametrize("method", HIGH)

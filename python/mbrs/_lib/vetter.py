@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
 __all__ = [
+    "COMPLEX_STEP",
     "Derivative",
     "chain_rule",
     "chain_rule_columns",
@@ -41,7 +42,7 @@ __all__ = [
 ]
 
 # Small enough that its square vanishes in double precision, large enough never to underflow.
-_COMPLEX_STEP = 1e-40
+COMPLEX_STEP = 1e-40
 # Step of the difference that looks for a function that is not analytic, over the entry, or the largest where it is zero; part of the change
 # in proportion that is seen. Larger: extrema are taken for what is not analytic; what changes little is not seen. Smaller: rounding is.
 _STEP, _SEEN = 1e-5, 1e-3
@@ -228,8 +229,8 @@ def derivative(f: Callable[[np.ndarray], Any], b: ArrayLike) -> np.ndarray:
         row = []
         for j in range(t):
             moved = flat.astype(complex)
-            moved[i, j] += 1j * _COMPLEX_STEP
-            slope = _matrix(f(moved.reshape(start.shape)), "the value of f").imag / _COMPLEX_STEP
+            moved[i, j] += 1j * COMPLEX_STEP
+            slope = _matrix(f(moved.reshape(start.shape)), "the value of f").imag / COMPLEX_STEP
             if not np.any(slope):
                 _silent(f, start, i * t + j)
             row.append(slope)

@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 
 from .._lib.checks import UNFIT, rising, shown
+from .._lib.vetter import COMPLEX_STEP
 from ..errors import ModelError, NotDifferentiableError
 from ..motion.quantities import Instant, Names, QuantityKey
 from ..motion.tangent import Nodes
 
-_COMPLEX_STEP = 1e-40
 # Steps of the differences they are compared with, over the coordinate, and the least size of a coordinate for it (rad, m). Larger: what
 # bends looks like a kink; smaller: rounding of the objective hides what is not analytic.
 _DIFFERENCE, _LEAST_SIZE = 1e-4, 1e-3
@@ -237,8 +237,8 @@ def _slopes(objective: Objective, reader: Reader, t: float, index: int, row: np.
     out = np.zeros(len(row))
     moved = row.astype(complex)
     for k in range(len(row)):
-        moved[k] = row[k] + 1j * _COMPLEX_STEP
-        out[k] = _complex_number(objective, reader.instant(t, index, moved), t).imag / _COMPLEX_STEP
+        moved[k] = row[k] + 1j * COMPLEX_STEP
+        out[k] = _complex_number(objective, reader.instant(t, index, moved), t).imag / COMPLEX_STEP
         moved[k] = row[k]
     return out
 
@@ -262,9 +262,9 @@ def _explicit(objective: Objective, reader: Reader, t: float, index: int, row: n
         d = np.zeros(start.size)
         for k in range(start.size):
             moved = start.astype(complex).ravel()
-            moved[k] += 1j * _COMPLEX_STEP
+            moved[k] += 1j * COMPLEX_STEP
             given = {address: moved.reshape(start.shape) if start.ndim else moved[0]}
-            d[k] = _complex_number(objective, reader.instant(t, index, row, given), t).imag / _COMPLEX_STEP
+            d[k] = _complex_number(objective, reader.instant(t, index, row, given), t).imag / COMPLEX_STEP
         out[address] = d
     return out
 

@@ -34,6 +34,8 @@ if TYPE_CHECKING:
 TWIST = FIXED_LABELS["component"]
 KINDS = ("rigid", "vibration", "overdamped", "flutter", "divergence")
 
+# Backward error of an eigenvalue above which a result is not called converged. Larger: wrong roots of well-conditioned matrices pass.
+# Smaller: rounding of large ones does not.
 _UNRESOLVED = 1e-9
 # Relative error of an eigenvalue above which a result is not called converged. Too small: critical damping and defects, which have no
 # more digits than these, count as failures. Too large: wrong digits pass. Pinned by tests/truth/test_graded_modes.py.

@@ -31,8 +31,8 @@ _LONGEST = 0.3
 # Change of a pose (rad, characteristic lengths) that is rounding, and singular values over the largest below which a Jacobian that
 # cannot be factored has no rank. Larger: motions keep the error of the last step, soft poses stay; smaller: rounding goes on moving.
 _ROUNDED, _NO_RANK = 1e-13, 1e-12
-# Force that is not in balance, over the forces at work, at the azimuths, and between them, up to which a periodic motion is called
-# "converged". Larger: motions that too few azimuths cut count as found. Smaller: rounding of stiff parts, and corners of polars,
+# Force that is not in balance, over the forces at work, at the azimuths, and between them, up to which a periodic motion, or a steady one,
+# is called "converged". Larger: motions that too few azimuths cut count as found. Smaller: rounding of stiff parts, and corners of polars,
 # refuse them. Pinned by tests/linear/test_modes_over_a_turn.py.
 BALANCED, RESOLVED = 1e-9, 1e-3
 

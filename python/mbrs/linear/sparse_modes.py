@@ -30,6 +30,8 @@ _PART = 10
 # failure. Smaller: failures that need not be.
 DENSE_INSTEAD = 1500
 _CROWDED = "reduce the matrices, for instance to the modes without damping"
+# Relative error of an eigenvalue above which a sparse result is not called converged. Larger: roots with few digits pass. Smaller: soft
+# modes of stiff assembled matrices, and roots beside others, do not.
 _UNRESOLVED = 1e-8
 # Neighbouring roots this near (relative) are one repeated root. Too small: members of a group split by rounding. Too large: near roots
 # lose their own shapes. Pinned by tests/truth/test_crowded_modes.py.

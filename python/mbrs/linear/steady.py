@@ -37,9 +37,9 @@ if TYPE_CHECKING:
 
 _MAX_ITERATIONS = 60
 _LEAST_AZIMUTHS, _MOST_AZIMUTHS = 5, 999
-# Residual force, relative to the forces at work, beyond which a motion is not called converged; and the forces, over the stiffness
-# times a radian or a characteristic length, below which a model counts as unloaded. As of equilibria (rust/src/tolerances/mod.rs).
-_BALANCED, _UNLOADED = 1e-9, 1e-11
+# Forces, over the stiffness times a radian or a characteristic length, below which a model counts as unloaded. As of equilibria
+# (rust/src/tolerances/mod.rs).
+_UNLOADED = 1e-11
 # Singular values over the largest, free of units, below which rates of loops and the stiffness of the motion have no rank. Larger:
 # soft directions are left where they are; smaller: rounding moves what nothing holds.
 _NO_RATE, _NO_STIFFNESS = 1e-10, 1e-13
@@ -415,7 +415,7 @@ def _solve(
             own = _core.ENTRY_ROUNDING * np.finfo(float).eps * (forces + natural)
             explained = np.abs(residual) <= own + r["hidden_forces"][still] * unit
             unloaded = explained & (forces <= _UNLOADED * np.max(natural))
-            balanced = bool(np.all(unloaded | (np.abs(residual) <= _BALANCED * forces)))
+            balanced = bool(np.all(unloaded | (np.abs(residual) <= BALANCED * forces)))
         else:
             explained, balanced = np.ones(0, dtype=bool), True
         longest = _natural_size(r, step, snapshot.system.characteristic_length)
@@ -461,7 +461,7 @@ def _carried_stiffness(r: dict[str, Any], spin: Spin, rate: np.ndarray, place: M
 def _newton(S: np.ndarray, residual: np.ndarray, forces: np.ndarray) -> np.ndarray:
     """-S^-1 r; directions without stiffness are left alone unless something pushes them."""
     step, _, rank, _ = np.linalg.lstsq(S, -residual, rcond=_NO_STIFFNESS)
-    if rank < len(residual) and np.max(np.abs(S @ step + residual) / forces) > _BALANCED:
+    if rank < len(residual) and np.max(np.abs(S @ step + residual) / forces) > BALANCED:
         raise SingularError(
             "a force of the steady motion acts along a direction that nothing restrains; add a spring or a joint"
         )

@@ -26,6 +26,7 @@ use crate::multibody::assemble::Effects;
 use crate::multibody::placement::State;
 use crate::run::{Cancel, Counts};
 use crate::tolerances::equilibrium::{BALANCED, CLOSE, NEARLY_BALANCED, PUSHED, SETTLED};
+use crate::tolerances::matrices::NAMED;
 
 const MAX_ITERATIONS: usize = 400;
 /// Iterations, and steps that were shortened, after which descent in energy takes over from Newton's method.
@@ -306,7 +307,7 @@ fn direction_names(system: &System, local: &Local, v: &DVector<f64>) -> String {
     let mut order: Vec<usize> = (0..v.len()).collect();
     order.sort_by(|a, b| v[*b].abs().total_cmp(&v[*a].abs()));
     let largest = order.first().map_or(0.0, |i| v[*i].abs());
-    let named = order.iter().take(3).filter(|i| v[**i].abs() > 0.3 * largest);
+    let named = order.iter().take(3).filter(|i| v[**i].abs() >= NAMED * largest);
     named.map(|i| system.topology.names[coordinates[*i]].clone()).collect::<Vec<_>>().join(" + ")
 }
 

@@ -334,7 +334,7 @@ impl Driver<'_, '_, '_> {
         if self.vanishes(shorter, t) || way.failures > most {
             // steps that were accepted are as short beside the whole as this one
             let why = if t > self.start && self.vanishes(way.recent, t) {
-                format!("1e14 steps of {shorter:.1e} s would not reach the end; take a shorter time")
+                format!("1e14 steps of {shorter:.1e} s would not reach the end; take a shorter time ({why})")
             } else {
                 why
             };

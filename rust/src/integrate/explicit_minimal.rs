@@ -18,13 +18,11 @@ use crate::tolerances::constraints::{CLOSED_ENOUGH, DOUBTFUL};
 use super::explicit_pivots::{Factors, Plan};
 use super::{Equations, Motion, scaled_size};
 use crate::linalg::matrix::Matrix;
-use crate::tolerances::steps::CLOSED;
+use crate::tolerances::steps::{CLOSED, SHARE_OF_TOLERANCE};
 
 /// Another choice is taken where it has a pivot that is larger by this factor.
 const WORN: f64 = 4.0;
 const NEWTON_STEPS: usize = 12;
-/// Part of the tolerance to which positions of stages are closed; accelerations miss by that over the square of the smallest pivot.
-const CLOSER: f64 = 1e-2;
 /// Sparse models: degrees of freedom times dependent coordinates, over rows and coordinates, up to which B is cheaper than multipliers.
 const FEW: usize = 4;
 /// Beyond so many tree coordinates the choice of pivots and the fill of their elimination cost more than multipliers of all loops
@@ -60,7 +58,8 @@ impl Minimal {
             rates: Factors::default(),
             places: Factors::default(),
             worn: false,
-            tolerance: rtol.map_or(CLOSED, |r| CLOSER * r),
+            // accelerations miss by that over the square of the smallest pivot
+            tolerance: rtol.map_or(CLOSED, |r| SHARE_OF_TOLERANCE * r),
             switches: 0,
             names: String::new(),
         }

@@ -21,7 +21,7 @@ use crate::spatial::Real;
 use super::{Equations, Instant, LocalError, Motion, Scheme, Step, scaled_size};
 use crate::linalg::kkt::Kkt;
 use crate::multibody::rotations::add_turning;
-use crate::tolerances::steps::QUADRATIC;
+use crate::tolerances::steps::{QUADRATIC, SLOW};
 
 /// In a singular pose Newton's method gains one bit at a time.
 const MAX_ITERATIONS: usize = 50;
@@ -29,8 +29,6 @@ const MAX_ITERATIONS: usize = 50;
 const SINGULAR: f64 = 30.0;
 /// Part of a step after which the first rate of the acceleration is taken.
 const AHEAD: f64 = 1e-2;
-/// A kept factorisation is renewed when the corrections shrink more slowly.
-const SLOW: f64 = 0.1;
 /// Rounding of the equations of a step, over the rounding of its pose: near singular poses rows lose digits.
 const NOISE: f64 = 512.0;
 

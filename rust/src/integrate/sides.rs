@@ -15,7 +15,7 @@ use crate::error::Result;
 use crate::force::Side;
 use crate::multibody::System;
 use crate::run::Counts;
-use crate::tolerances::steps::{AT_KINK, BESIDE_KINK, KINK_CROWD, KINK_FOUND, NOISE_SHARE, SEEN_KINK};
+use crate::tolerances::steps::{CLOSED, FIXED_SOLVED, KINK_CROWD, NOISE_SHARE};
 
 use super::explicit8::Explicit8;
 use super::kink_rest::Rests;
@@ -104,12 +104,9 @@ impl<'e, 's> Sides<'e, 's> {
         if ignored.iter().all(|i| *i) {
             return None;
         }
-        let share = |part: f64| rtol.map_or(0.0, |rtol| part * rtol);
-        let (zero, at) = if exact {
-            (BESIDE_KINK.max(share(NOISE_SHARE)), AT_KINK)
-        } else {
-            (BESIDE_KINK.max(BESIDE_FOUND * share(KINK_FOUND)), (BESIDE_KINK / BESIDE_FOUND).max(share(KINK_FOUND)))
-        };
+        // what is noise at the end of a step
+        let zero = FIXED_SOLVED.max(rtol.map_or(0.0, |rtol| NOISE_SHARE * rtol));
+        let at = if exact { CLOSED } else { zero / BESIDE_FOUND };
         let mut made = Sides {
             eq,
             kinked,
@@ -387,8 +384,7 @@ impl<'e, 's> Sides<'e, 's> {
         if let Some(search) = self.search.take() {
             let is_end = |k: &usize| !found.contains(k) && (search.is_last || !self.is_beyond(*k, now[*k], self.at));
             let ended: Vec<usize> = self.passed_by(&search, &search.behind.1).into_iter().filter(is_end).collect();
-            let far: Vec<usize> =
-                ended.iter().copied().filter(|k| self.is_beyond(*k, now[*k], SEEN_KINK.max(self.at))).collect();
+            let far: Vec<usize> = ended.iter().copied().filter(|k| self.is_beyond(*k, now[*k], self.zero)).collect();
             far.into_iter().for_each(|k| self.miss(t, k, WITHIN));
             over.extend(ended);
         }

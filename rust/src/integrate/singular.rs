@@ -8,6 +8,7 @@ use nalgebra::DVector;
 use crate::error::Result;
 use crate::multibody::topology::Purpose;
 use crate::run::Counts;
+use crate::tolerances::matrices::NAMED;
 use crate::tolerances::singular_poses::LOOK;
 
 use super::{Equations, Instant, Motion, scaled_size};
@@ -16,8 +17,6 @@ use super::{Equations, Instant, Motion, scaled_size};
 const LOOKS: usize = 4;
 /// How far behind a pose drives are tried, over the time to it.
 const BEYOND: f64 = 4.0;
-/// Rows and coordinates with so large a part of the largest in what is lost are named.
-const NAMED: f64 = 0.3;
 const MOST_NAMES: usize = 4;
 
 /// A correction of rows that are open by about one.

@@ -5,6 +5,7 @@ use nalgebra::{DMatrix, DVector};
 
 use crate::error::{Error, Result};
 use crate::tolerances::constraints::FELT;
+use crate::tolerances::matrices::ENTRY_ROUNDING;
 
 pub type C = faer::c64;
 
@@ -17,6 +18,11 @@ pub fn real(x: f64) -> C {
 /// True where a value is not at most the limit: nan never passes.
 pub fn exceeds(value: f64, limit: f64) -> bool {
     value > limit || value.is_nan()
+}
+
+/// May rounding of entries change all of a solution? `growth`: of its size over the load times that of the matrix.
+pub fn is_singular(growth: f64) -> bool {
+    exceeds(ENTRY_ROUNDING * EPS * growth, 1.0)
 }
 
 pub fn frobenius(a: MatRef<'_, f64>) -> f64 {

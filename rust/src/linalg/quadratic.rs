@@ -3,6 +3,7 @@ use faer::linalg::solvers::PartialPivLu;
 use faer::prelude::*;
 use faer::{Mat, MatRef, Side, c64};
 
+use super::dense::is_singular;
 use super::double_double::{Dd, Sums};
 use crate::tolerances::matrices::{PIVOT, SAME_ENTRY};
 
@@ -182,7 +183,7 @@ impl Factored<'_> {
         };
         // without refinement only the growth of the solution tells a singular Z from a regular one
         let load = (0..f.ncols()).map(|k| (0..n).map(|i| (f[(i, k)] * scale[i]).norm_sqr()).sum::<f64>());
-        if size(x.as_ref()) * self.size > 1e15 * load.sum::<f64>().sqrt() {
+        if is_singular(size(x.as_ref()) * self.size / load.sum::<f64>().sqrt().max(f64::MIN_POSITIVE)) {
             return None;
         }
         let mut error = f64::NAN;

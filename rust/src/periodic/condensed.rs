@@ -11,7 +11,8 @@ use super::refined::Solution;
 use crate::error::{Error, Result};
 use crate::linalg::complex_lanes::LANES;
 use crate::tolerances::matrices::SAME_ENTRY;
-use crate::tolerances::periodic::{FELT, LANE_PRODUCT, MOST_LANES};
+use crate::tolerances::periodic::{LANE_PRODUCT, MOST_LANES};
+use crate::tolerances::roots::FELT;
 
 const REFINEMENTS: usize = 6;
 

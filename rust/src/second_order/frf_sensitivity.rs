@@ -6,6 +6,7 @@ use faer::{Mat, MatRef, c64};
 
 use super::ports::{Ports, complex, i_omega};
 use crate::error::{Error, Result};
+use crate::linalg::dense::is_singular;
 use crate::linalg::quadratic::{Quadratic, is_finite_complex};
 use crate::run::{Cancel, Counts};
 
@@ -106,7 +107,7 @@ impl<'a> Solver<'a> {
         lu.solve_transpose_in_place(&mut y);
         let (x, y) = (scaled(x.as_ref()), scaled(y.as_ref()));
         let growth = x.norm_l2() * z.norm_l2() / self.f.norm_l2().max(f64::MIN_POSITIVE);
-        let regular = is_finite_complex(x.as_ref()) && is_finite_complex(y.as_ref()) && growth < 1e15;
+        let regular = is_finite_complex(x.as_ref()) && is_finite_complex(y.as_ref()) && !is_singular(growth);
         regular.then_some((x, y))
     }
 }

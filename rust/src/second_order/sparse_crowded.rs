@@ -13,7 +13,7 @@ use crate::linalg::krylov::{Options, Ritz, Space};
 use crate::linalg::sparse::Csc;
 use crate::run::{Cancel, Counts};
 use crate::tolerances::modes::PATIENCE;
-use crate::tolerances::sparse_modes::{BESIDE_CROWD, NEARLY_ROOT, PLAUSIBLE, SAME_VALUE};
+use crate::tolerances::sparse_modes::{BESIDE_CROWD, PLAUSIBLE, SAME_VALUE};
 
 /// Roots beyond the wanted ones, among which a gap is looked for that a circle can pass.
 const SPARE: usize = 6;
@@ -121,7 +121,7 @@ impl Search<'_> {
             // beside the root, not on it: factors there would see nothing else
             let size = s[lowest].norm();
             sigma = s[lowest] * (1.0 - (BESIDE_CROWD * spread / size).clamp(SAME_VALUE, BESIDE_CROWD));
-            if off(lowest) <= NEARLY_ROOT {
+            if off(lowest) <= PLAUSIBLE {
                 break;
             }
         }

@@ -48,11 +48,18 @@ pub fn lowest(pencil: &impl Pencil, wanted: usize, sigma: Option<f64>, cancel: &
     let mut modes = if is_small(pencil, &usual) {
         small(pencil, wanted, first, sigma)?
     } else if sigma.is_none() && first.1 == 0.0 {
-        // the shift may lie too far below eigenvalues that are close together: then it moves
+        // the shift may lie too far below eigenvalues that are close together, or too near to one of a nearly free motion: then it moves
         match around(pencil, wanted, first, Options { max_cycles: PATIENCE, ..usual }, cancel) {
             Err(Error::Convergence { .. }) => {
                 let moved = nearer(pencil, wanted, &mut counts, cancel)?;
                 around(pencil, wanted, moved, usual, cancel)?
+            }
+            found if is_blurred(&found) => {
+                counts.add("factorisations", 1);
+                let moved = below_zero(pencil, wanted, &mut counts, cancel)?;
+                let again = around(pencil, wanted, moved, usual, cancel);
+                cancel.check()?;
+                sharper(found, again)?
             }
             found => found?,
         }
@@ -133,6 +140,26 @@ fn worst(modes: &SymmetricModes) -> f64 {
     elastic.map(|(_, error)| *error).fold(0.0, f64::max)
 }
 
+/// Does one eigenvalue, next to the shift, outweigh all others?
+fn is_blurred(found: &Result<SymmetricModes>) -> bool {
+    match found {
+        Ok(modes) => modes.residual.iter().any(|residual| residual.powi(2) > SHARP),
+        Err(error) => matches!(error, Error::Singular(_)),
+    }
+}
+
+/// The second try, unless it is worse.
+fn sharper<E>(
+    first: std::result::Result<SymmetricModes, E>,
+    second: std::result::Result<SymmetricModes, E>,
+) -> std::result::Result<SymmetricModes, E> {
+    match (first, second) {
+        (Ok(first), Ok(second)) if worst(&second) > worst(&first) => Ok(first),
+        (Ok(first), Err(_)) => Ok(first),
+        (_, second) => second,
+    }
+}
+
 /// A Krylov basis would exhaust the space: then the operator is taken whole.
 fn is_small(pencil: &impl Pencil, options: &Options) -> bool {
     pencil.free_dim() < options.dim + 3 * options.block
@@ -157,12 +184,7 @@ fn small(
     let coarse = -FIRST_SHIFT * pencil.scale();
     let poor = given.is_none() && shift != coarse && found.as_ref().map_or(true, |m| worst(m) > SHARP);
     if poor {
-        let again = solved(&pencil.shifted(coarse)?, coarse)?;
-        found = match (found, again) {
-            (Ok(first), Ok(second)) if worst(&second) > worst(&first) => Ok(first),
-            (Ok(first), Err(_)) => Ok(first),
-            (_, again) => again,
-        };
+        found = sharper(found, solved(&pencil.shifted(coarse)?, coarse)?);
     }
     counts.add("factorisations", u64::from(poor));
     let mut modes = found.map_err(|left| {
@@ -242,11 +264,20 @@ fn start<'a>(
         }
         return Ok((pencil.shifted(sigma)?, sigma));
     }
-    if let Some(op) = pencil.shifted_at_zero()? {
-        return Ok((op, 0.0));
+    match pencil.shifted_at_zero()? {
+        Some(op) => Ok((op, 0.0)),
+        None => below_zero(pencil, wanted, counts, cancel),
     }
-    // free or nearly so: a negative shift between the first elastic eigenvalue and the last wanted one, found from coarse
-    // Ritz values; these lie too high, so the shift only ever comes down
+}
+
+/// Of a system that is free, or nearly so: a negative shift between the first elastic eigenvalue and the last wanted one, found from coarse
+/// Ritz values; these lie too high, so the shift only ever comes down.
+fn below_zero<'a>(
+    pencil: &'a impl Pencil,
+    wanted: usize,
+    counts: &mut Counts,
+    cancel: &Cancel,
+) -> Result<(ShiftInvert<'a>, f64)> {
     let mut sigma = -FIRST_SHIFT * pencil.scale();
     if is_small(pencil, &Options::new(wanted, true)) {
         return Ok((pencil.shifted(sigma)?, sigma));

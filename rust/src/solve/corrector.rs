@@ -4,7 +4,7 @@ use faer::prelude::*;
 
 use super::{Curve, Linearisation, nan_or_largest};
 use crate::error::Result;
-use crate::tolerances::periodic::FELT;
+use crate::tolerances::roots::FELT;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Predictor {

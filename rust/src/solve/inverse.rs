@@ -6,7 +6,7 @@ use faer::linalg::solvers::DenseSolveCore;
 
 use super::limited_memory::Pairs;
 use super::line_search::{dot, norm2};
-use crate::linalg::dense::is_finite;
+use crate::linalg::dense::{is_finite, is_singular};
 use crate::linalg::sparse::Factor;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -74,7 +74,7 @@ impl Inverse {
         }
         let inverse = jacobian.partial_piv_lu().inverse();
         let regular = (0..n).all(|j| (0..n).all(|i| inverse[(i, j)].is_finite()))
-            && inverse.norm_l2() * jacobian.norm_l2() < 1e14;
+            && !is_singular(inverse.norm_l2() * jacobian.norm_l2());
         regular.then(|| Inverse::dense(&inverse))
     }
 

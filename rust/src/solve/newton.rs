@@ -6,7 +6,7 @@ use faer::prelude::*;
 use super::{Curve, Linearisation, nan_or_largest};
 use crate::error::Result;
 use crate::run::Cancel;
-use crate::tolerances::periodic::FELT;
+use crate::tolerances::roots::FELT;
 
 #[derive(Debug, Clone, Copy)]
 pub struct Options {

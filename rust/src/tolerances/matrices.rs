@@ -31,6 +31,11 @@ pub const NO_ENERGY: f64 = 1e-12;
 /// Pinned by `of_equal_components_the_first_is_the_largest`.
 pub const TIE: f64 = 1e-6;
 
+/// Components of a direction, over its largest, whose coordinates or rows are named in messages. Larger: none is. Smaller: those that hardly
+/// take part are.
+/// Pinned by `test_a_free_direction_is_named_by_its_large_coordinates`.
+pub const NAMED: f64 = 0.3;
+
 /// A pivot below this part of the diagonal entry from which it came is rounding, and the matrix singular. Larger: light coordinates behind
 /// heavy ones are called massless. Smaller: rounding over rounding.
 /// Pinned by `a_pivot_of_rounding_has_no_normal_form`.

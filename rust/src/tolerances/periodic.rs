@@ -6,13 +6,6 @@
 /// either way.
 pub const LEAST_SCALE: f64 = 1e-6;
 
-/// Part of the natural size of an entry of the condensed dynamic stiffness that rounding of a factorisation may change, by its bound,
-/// before the entry is refined, and part of a solution that a step of Newton's method may change which no step makes smaller. Free of
-/// units. Too large: curves of finely divided structures carry the rounding; too small: refinements that change nothing, and curves of
-/// long chains that stop. Pinned by `test_rounding_of_a_divided_beam_leaves_six_digits`, from above. Not seen from below: beams of tests gain
-/// the eighth digit at most.
-pub const FELT: f64 = 1e-6;
-
 /// Time of a complex product in lanes, eight frequencies at once, over that of one in a sparse factor. Free of units. Larger: narrow bands
 /// are factorised frequency by frequency. Smaller: wide ones are factorised as bands where sparse factors are faster. Only speed depends
 /// on it. Pinned by `narrow_bands_are_condensed_in_lanes`.

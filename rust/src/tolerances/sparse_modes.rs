@@ -6,8 +6,9 @@ pub const CONVERGED: f64 = 1e-11;
 
 /// Part of a vector that is left of it beside the others, of a value of the whole operator over its largest, and of a strain (its square of
 /// an energy), from which on they are rounding: of a span, of zeros that constraints leave, of rigid motion. Larger: new directions and
-/// stiff modes are lost. Smaller: a basis that is not orthogonal, and constraints are told as modes. Pinned by
-/// `test_oscillators_of_few_kinds`, from below, and `test_a_stiff_mode_beside_a_constraint_is_a_mode`, from above.
+/// stiff modes are lost, and rows on soft springs are free. Smaller: a basis that is not orthogonal, constraints are told as modes, and
+/// rigid motions have roots. Pinned by `test_a_stiff_mode_beside_a_constraint_is_a_mode`, `test_a_row_on_a_spring_of_any_softness` and
+/// `test_a_free_row_of_any_springs_has_one_rigid_motion`.
 pub const VANISHED: f64 = 1e-13;
 
 /// Roots within this, over their size, are one: after a restart with new random vectors none was missing, a root and its conjugate are a
@@ -55,13 +56,11 @@ pub const COUNT_PANELS: usize = 400;
 /// Share of eps |K|/|M| by which the rounding of single entries usually moves a root, typical of chains (measured). Larger: estimates are
 /// pessimistic. Smaller: they are too small. Pinned by `test_estimates_over_random_chains`.
 pub const ENTRY_NOISE: f64 = 0.05;
-/// Residual of a Ritz pair, over its value, up to which it may be a root where a moving shift looks for the lowest one. Larger: the shift
+/// Residual of a Ritz pair, over its value, up to which it may be a root where a shift moves to the lowest one, and stays. Larger: the shift
 /// runs after rounding. Smaller: it stays away from roots that are close together. Not seen: the roots of rows of 500 and 900 masses with
 /// dampers, gyroscopes and circulation are the same at a hundredth and at a hundred times it.
 pub const PLAUSIBLE: f64 = 0.1;
-/// The same, at which the shift no longer moves. Larger: it stops too far from the roots. Smaller: factors without need. Pinned by
-/// `test_crowded_general_roots_of_a_twin_row`.
-pub const NEARLY_ROOT: f64 = 1e-4;
 /// Distance of a shift from the lowest of roots that are close together, over the extent of those seen. Larger: it sees fewer of them.
-/// Smaller: its factors see this one alone. Pinned by `test_crowded_general_roots_of_a_twin_row`.
+/// Smaller: its factors see this one alone. Pinned by `test_crowded_general_roots_of_a_twin_row` and
+/// `test_crowded_general_roots_are_those_of_the_state_matrix`.
 pub const BESIDE_CROWD: f64 = 0.01;

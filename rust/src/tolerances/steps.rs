@@ -22,18 +22,20 @@ pub const QUADRATIC: f64 = 1e-9;
 
 /// What is solved where there is no tolerance to share, over the motion within the step: the remainder of Newton's method in a fixed step,
 /// and in a controlled one that is kept for its derivatives; the norm of a step of "bdf-bfgs" that passes where a fresh inverse cannot
-/// better it, and the error of its start steps (characteristic lengths or radians). Larger: the remainder shows in measured orders and in
-/// derivatives. Smaller: rounding is solved. Pinned by `test_order_five_at_oblique_axes`, from above, and
-/// tests/gradients/test_gradient_radau.py, from below.
+/// better it, and the error of its start steps (characteristic lengths or radians). So much is noise of a distance from a kink, over the
+/// largest of the motion. Larger: the remainder shows in measured orders and in derivatives. Smaller: rounding is solved. Pinned by
+/// `test_order_five_at_oblique_axes`, from above, and `test_motion_and_derivatives_have_the_order_of_radau`, from below.
 pub const FIXED_SOLVED: f64 = 1e-12;
-/// Over the tolerance of a controlled step. Larger: the remainder is a part of its error. Smaller: iterations for nothing. Pinned by
-/// `test_a_stiff_governor`, from above, and `test_matrices_are_kept_and_the_explicit_method_has_none`, from below.
+/// Over the tolerance of a controlled step, also of positions of the stages of an explicit one. Larger: the remainder is a part of its
+/// error. Smaller: iterations for nothing. Pinned by `test_a_stiff_governor`, from above, and
+/// `test_matrices_are_kept_and_the_explicit_method_has_none`, from below.
 pub const SHARE_OF_TOLERANCE: f64 = 0.01;
 
 /// What the equations of a step may leave where rounding alone is allowed: loops, over lengths of their loop or radians (what shrinks no
-/// more ends at `constraints::CLOSED_ENOUGH`), and the equations of a fixed step of "bdf-bfgs" over the motion within it, whose remainders
-/// are of accelerations and add up twice. Larger: energy drifts by openings, and shorter steps err more. Smaller: rounding is corrected.
-/// Pinned by `test_shorter_fixed_steps_err_less`, from above, and `test_work_of_steps_that_keep_matrices_and_lengths`, from below.
+/// more ends at `constraints::CLOSED_ENOUGH`), the equations of a fixed step of "bdf-bfgs" over the motion within it, whose remainders are
+/// of accelerations and add up twice, and the distance from a kink at which a step ends for derivatives, over the largest of the motion.
+/// Larger: energy drifts by openings, and shorter steps err more. Smaller: rounding is corrected. Pinned by
+/// `test_shorter_fixed_steps_err_less`, from above, and `test_work_of_steps_that_keep_matrices_and_lengths`, from below.
 pub const CLOSED: f64 = 1e-14;
 
 /// What starts from rest has no rates: they count at least as if the motion took this part of the characteristic length, or a radian, and
@@ -43,28 +45,15 @@ pub const CLOSED: f64 = 1e-14;
 /// steps but for one in two hundred.
 pub const FROM_REST: f64 = 1e-3;
 
-/// Distances from a kink of a law over the largest of the motion at which a step ends at the kink. Larger: a law is held on its side
-/// for as much too long, which derivatives behind stiff contacts show. Smaller: rounding is searched. Pinned by
-/// `tests/gradients/test_gradient_bounces.py`, from above.
-pub const AT_KINK: f64 = 1e-14;
-/// The same beyond which a motion is on the other side. Larger: kinks are passed by as much and not seen. Smaller: remainders of Newton's
-/// method are taken for passages. Pinned by `tests/gradients/test_gradient_at_kinks.py`.
-pub const BESIDE_KINK: f64 = 1e-11;
-/// What is noise beside the tolerance of controlled steps, over it: distances from a kink at the ends of steps, and the error of a start
-/// step of "bdf-bfgs", which has to be far below that of the steps that follow on it. Larger: as of `BESIDE_KINK`, and differences of the
-/// first points show the errors of the start. Smaller: remainders of Newton's method are taken for passages, and start steps are divided
-/// for nothing. Pinned by tests/gradients/test_gradient_bounces.py, from above. Not seen from below: kinks of tests are met as well, and
-/// start steps are of order eight.
+/// What is noise beside the tolerance of controlled steps, over it: distances from a kink in steps and at their ends, over the largest of the
+/// motion, and the error of a start step of "bdf-bfgs", which has to be far below that of the steps that follow on it. Larger: kinks are
+/// passed by as much and not seen, and differences of the first points show the errors of the start. Smaller: remainders of Newton's
+/// method are taken for passages, and start steps are divided for nothing. Pinned by `test_a_stop_that_is_hardly_touched_within_a_step`,
+/// from above. Not seen from below: kinks of tests are met as well, and start steps are of order eight.
 pub const NOISE_SHARE: f64 = 1e-3;
-/// Distances over the largest of the motion, and over the tolerance, at which a step ends at the kink where no derivative is wanted: a law that is
-/// held as much too long errs by the square of it. Larger: stiff contacts show it. Smaller: another step for each kink.
-pub const KINK_FOUND: f64 = 0.01;
-/// How far another interpolation moves the first guess of the length of a step to a kink, over the step, below which it is as good as the
-/// interpolation. Larger: more steps. Smaller: interpolations for nothing. Only work depends on it.
-pub const KINK_GUESSED: f64 = 1e-6;
 /// What a kink changes in a step, over its tolerance, below which the step may pass it, and what a law changes between a kink and the end of
 /// a step that is to end there. Larger: kinks add to the error of steps. Smaller: kinks are searched that no error shows. Pinned by
-/// `tests/motion/test_kinks.py`.
+/// `test_steps_end_at_kinks_that_errors_show`.
 pub const KINK_EFFECT: f64 = 0.05;
 /// Steps in a row that end at one kink, above which the law passes it again and again. Larger: sliding on a law that chatters is followed in
 /// vain. Smaller: true contacts are not met.
@@ -80,17 +69,15 @@ pub const LONGEST_REST: u32 = 12;
 pub const KINK_CROWD: usize = 4;
 /// What a kink changes in a motion within the step behind it, over the rates or the characteristic length, at most; the change grows with
 /// the square of the step. Larger: a step goes over many vibrations of a stiff contact before its error shows them. Smaller: steps behind kinks
-/// are short for nothing. Pinned by `test_a_stiff_contact_is_not_stepped_over`, from above.
+/// are short for nothing. Pinned by `test_steps_behind_contacts_are_good_at_once`, from above, and
+/// `test_steps_behind_kinks_are_not_short_for_nothing`, from below.
 pub const KINK_CHANGE: f64 = 1.0;
-/// Steps between two that are both at a kink by the noise of steps, to find it to rounding. Larger: noise is searched. Smaller: as of a
-/// larger `AT_KINK`.
+/// Steps between two that are both at a kink by the noise of steps, to find it to rounding. Larger: noise is searched. Smaller: laws are
+/// held on their side for too long.
 pub const KINK_POLISH: usize = 5;
-/// The same inside a step, whose motion is interpolated there. Larger: a kink that is passed forth and back within a step is not seen.
-/// Smaller: errors of the interpolation are taken for one, and steps are shorter.
-pub const SEEN_KINK: f64 = 1e-7;
 /// Accelerations on both sides of a kink of a function that differ by more, over the largest of the motion, jump; slopes on both sides of
 /// a kink on which a motion rests, over their own. Larger: a small jump is taken for a kink, and its part of a derivative is left out.
-/// Smaller: what the end of a step is off its kink is taken for a jump.
+/// Smaller: what the end of a step is off its kink is taken for a jump. Pinned by `test_a_small_jump_is_one_and_a_stiff_contact_none`.
 pub const JUMP: f64 = 1e-4;
 /// Steps of the search for one that ends at a kink. Larger: a law that jumps holds the motion up. Smaller: kinks are missed, and said so.
 pub const KINK_SEARCH: usize = 60;

@@ -1,6 +1,6 @@
 //! Steps that are to end at a kink.
 use crate::error::Result;
-use crate::tolerances::steps::{KINK_EFFECT, KINK_GUESSED, KINK_POLISH, KINK_SEARCH};
+use crate::tolerances::steps::{KINK_EFFECT, KINK_POLISH, KINK_SEARCH};
 
 use super::super::Motion;
 use super::super::kink_search::{Place, Search, first_zero, secant};
@@ -34,7 +34,7 @@ impl Sides<'_, '_> {
             let left = self.left(&b.1, self.at);
             let next = secant(&before, &last, &left);
             guess = if next > a.0 && next < b.0 { next } else { first_zero(&a, &b, &left) };
-            if (guess - last.0).abs() < KINK_GUESSED {
+            if !left.iter().any(|k| self.is_beyond(*k, last.1[*k], self.zero)) {
                 break;
             }
         }
