@@ -15,7 +15,7 @@ use crate::error::Result;
 use crate::force::Side;
 use crate::multibody::System;
 use crate::run::Counts;
-use crate::tolerances::steps::{CLOSED, FIXED_SOLVED, KINK_CROWD, NOISE_SHARE};
+use crate::tolerances::steps::{CLOSED, FIXED_SOLVED, KINK_CROWD, NOISE_SHARE, SEEN_KINK};
 
 use super::explicit8::Explicit8;
 use super::kink_rest::Rests;
@@ -384,7 +384,8 @@ impl<'e, 's> Sides<'e, 's> {
         if let Some(search) = self.search.take() {
             let is_end = |k: &usize| !found.contains(k) && (search.is_last || !self.is_beyond(*k, now[*k], self.at));
             let ended: Vec<usize> = self.passed_by(&search, &search.behind.1).into_iter().filter(is_end).collect();
-            let far: Vec<usize> = ended.iter().copied().filter(|k| self.is_beyond(*k, now[*k], self.zero)).collect();
+            let far: Vec<usize> =
+                ended.iter().copied().filter(|k| self.is_beyond(*k, now[*k], SEEN_KINK.max(self.at))).collect();
             far.into_iter().for_each(|k| self.miss(t, k, WITHIN));
             over.extend(ended);
         }

@@ -48,7 +48,7 @@ pub const FROM_REST: f64 = 1e-3;
 /// What is noise beside the tolerance of controlled steps, over it: distances from a kink in steps and at their ends, over the largest of the
 /// motion, and the error of a start step of "bdf-bfgs", which has to be far below that of the steps that follow on it. Larger: kinks are
 /// passed by as much and not seen, and differences of the first points show the errors of the start. Smaller: remainders of Newton's
-/// method are taken for passages, and start steps are divided for nothing. Pinned by `test_a_stop_that_is_hardly_touched_within_a_step`,
+/// method are taken for passages, and start steps are divided for nothing. Pinned by tests/gradients/test_gradient_bounces.py,
 /// from above. Not seen from below: kinks of tests are met as well, and start steps are of order eight.
 pub const NOISE_SHARE: f64 = 1e-3;
 /// What a kink changes in a step, over its tolerance, below which the step may pass it, and what a law changes between a kink and the end of
@@ -75,6 +75,11 @@ pub const KINK_CHANGE: f64 = 1.0;
 /// Steps between two that are both at a kink by the noise of steps, to find it to rounding. Larger: noise is searched. Smaller: laws are
 /// held on their side for too long.
 pub const KINK_POLISH: usize = 5;
+/// Distances from a kink inside a step, whose motion is interpolated there, and of kinks that lie together, over the largest. Larger: a kink
+/// that is passed forth and back within a step is not seen. Smaller: errors of the interpolation are taken for one, and stops at one place
+/// for two. Pinned by `test_a_stop_that_is_hardly_touched_within_a_step`, from above. Not seen from below: the interpolation of steps to the
+/// tolerance of derivatives is as good.
+pub const SEEN_KINK: f64 = 1e-7;
 /// Accelerations on both sides of a kink of a function that differ by more, over the largest of the motion, jump; slopes on both sides of
 /// a kink on which a motion rests, over their own. Larger: a small jump is taken for a kink, and its part of a derivative is left out.
 /// Smaller: what the end of a step is off its kink is taken for a jump. Pinned by `test_a_small_jump_is_one_and_a_stiff_contact_none`.

@@ -1,7 +1,7 @@
 //! The first try of a step: does it pass a kink that counts, and where?
 use crate::error::Result;
 use crate::force::Side;
-use crate::tolerances::steps::{KINK_CHANGE, KINK_EFFECT};
+use crate::tolerances::steps::{KINK_CHANGE, KINK_EFFECT, SEEN_KINK};
 
 use super::super::Motion;
 use super::super::kink_search::Place;
@@ -32,7 +32,7 @@ impl Sides<'_, '_> {
         }
         let n = path.len() - 1;
         let is_behind = !self.left(&path[n].1, self.zero).is_empty();
-        let first = (1..n).find(|j| !self.left(&path[*j].1, self.zero).is_empty());
+        let first = (1..n).find(|j| !self.left(&path[*j].1, SEEN_KINK).is_empty());
         if !self.exact && (is_behind || first.is_some()) {
             let (change, time) = self.change(h, &path, (&motions, end), step);
             let is_lasting =
@@ -48,7 +48,7 @@ impl Sides<'_, '_> {
         match first {
             _ if is_behind => self.search_from(t, h, path, first.unwrap_or(n), step).map(Some),
             Some(j) => {
-                self.inside = self.left(&path[j].1, self.zero).first().copied();
+                self.inside = self.left(&path[j].1, SEEN_KINK).first().copied();
                 Ok(Some(path[j].0))
             }
             None => self.touched(h, &path, step),
@@ -110,7 +110,7 @@ impl Sides<'_, '_> {
             let x = path[j].0 - slope / bend * LOOKED[0];
             for m in step.between(&[x])? {
                 let there = plain(&self.eq.kink_distances(&self.kinked, &m, &self.sides));
-                let is_seen = self.left(&there, self.zero).contains(&k);
+                let is_seen = self.left(&there, SEEN_KINK).contains(&k);
                 let is_small = |step: &mut dyn Within| {
                     let change = self.effect(&[k], &m, h * LOOKED[0], step);
                     change < KINK_EFFECT * step.allowed() && !self.kinks[k].is_lasting()
