@@ -355,12 +355,12 @@ impl Problem {
             let (force, force_slope) = (&self.aft.force[own.clone()], &self.aft.force_slope[own]);
             self.pushes[e][a] = largest(force);
             for &(i, wi) in direction {
-                for row in 0..n_c {
-                    out.residual[row * n + i] += wi * force[row];
+                for (row, f) in force.iter().enumerate() {
+                    out.residual[row * n + i] += wi * f;
                 }
                 if want != Want::Force {
-                    for row in 0..n_c {
-                        out.slope[row * n + i] += wi * force_slope[row];
+                    for (row, f) in force_slope.iter().enumerate() {
+                        out.slope[row * n + i] += wi * f;
                     }
                 }
             }

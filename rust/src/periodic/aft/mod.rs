@@ -341,9 +341,9 @@ impl Aft {
         march.columns.fill(0.0);
         self.f.fill(0.0);
         // sliders of a parallel set do not see each other, so that each is marched by itself
-        for i in 0..law.parallel() {
+        for (i, rest) in start.iter().enumerate() {
             let (part, numbers) = law.part(i)?;
-            march.slider(part, (&p[numbers], start[i]), &self.u, &mut self.f, self.n_c);
+            march.slider(part, (&p[numbers], *rest), &self.u, &mut self.f, self.n_c);
         }
         self.analyse_columns();
         self.analyse_force();
@@ -371,10 +371,10 @@ impl Aft {
         if let Some(march) = self.memory.as_mut().filter(|_| with_columns) {
             march.columns.fill(0.0);
         }
-        for i in 0..law.parallel() {
+        for (i, rest) in start.iter().enumerate() {
             let (part, numbers) = law.part(i)?;
             let samples = Samples { u: &self.u, v: &self.v, interval };
-            let state = PeriodicState::new(part, &p[numbers], samples, start[i])?;
+            let state = PeriodicState::new(part, &p[numbers], samples, *rest)?;
             self.f.iter_mut().zip(&state.at).for_each(|(f, at)| *f += at.force[0]);
             let Some(march) = self.memory.as_mut().filter(|_| with_columns) else { continue };
             for c in 0..self.n_c {
