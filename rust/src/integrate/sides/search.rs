@@ -34,7 +34,7 @@ impl Sides<'_, '_> {
             let left = self.left(&b.1, self.at);
             let next = secant(&before, &last, &left);
             guess = if next > a.0 && next < b.0 { next } else { first_zero(&a, &b, &left) };
-            if !left.iter().any(|k| self.is_beyond(*k, last.1[*k], self.zero)) {
+            if left.iter().any(|k| !self.is_beyond(*k, last.1[*k], self.zero)) {
                 break;
             }
         }
