@@ -5,6 +5,7 @@ from __future__ import annotations
 import pickle
 from itertools import pairwise
 
+import jitter
 import mbrs as mb
 import numpy as np
 import pytest
@@ -21,6 +22,7 @@ ROOTS = {
     "propped": lambda x: np.sin(x) / np.cos(x) - np.tanh(x),
 }
 FIRST = {"free": 1.5, "clamped": 0.5, "pinned": 1.0, "propped": 1.25}
+STRETCHED = 1e6
 KNOWN = 1e-11  # below, rounding of the frequencies counts beside the error of the mesh
 
 
@@ -38,14 +40,17 @@ def beta(ends: str, n: int) -> np.ndarray:
     )
 
 
-def compared(found: mb.ModalResult, exact: np.ndarray, n: int) -> None:
-    """The n lowest elastic frequencies (rad/s): the estimate is within a factor of three of the error where that is above rounding."""
+def compared(found: mb.ModalResult, exact: np.ndarray, n: int, stretched: float = 0.0) -> None:
+    """The n lowest elastic frequencies (rad/s): the estimate is within a factor of three of the error where that is above rounding;
+    ``stretched``: the axial stiffness over that of bending, of beams that are held between two points, whose drawn distance pulls them.
+    """
     elastic = np.flatnonzero(found.kind != "rigid")[:n]
     error = np.abs(found.omega[elastic] / exact[:n] - 1)
     estimate = found.discretisation[elastic]
     print(f"errors {error.min():.1e} to {error.max():.1e}, over the estimate {(error / estimate).round(3)}")
-    seen = error > KNOWN
-    assert np.all(error[seen] < 3 * estimate[seen]) and np.all(estimate < 3 * np.maximum(error, KNOWN))
+    known = KNOWN + jitter.level() * (found.condition[elastic] + stretched)
+    seen = error > known
+    assert np.all(error[seen] < 3 * estimate[seen]) and np.all(estimate < 3 * np.maximum(error, known))
     assert np.isnan(found.discretisation[found.kind == "rigid"]).all()
 
 
@@ -64,7 +69,7 @@ def test_single_beams(ends, elements):
     thin = 1e-14 * mass * length**2
     given = dict(mass=mass, EI_flap=stiffness[0], EI_edge=stiffness[1], inertia_flap=thin, inertia_edge=thin)
     if ends in ("pinned", "propped"):
-        given["EA"] = 1e6 * max(stiffness) / length**2  # what does not stretch cannot bend between two points
+        given["EA"] = STRETCHED * max(stiffness) / length**2  # what does not stretch cannot bend between two points
     kinds = {
         "free": dict(fixed=None),
         "clamped": {},
@@ -84,7 +89,7 @@ def test_single_beams(ends, elements):
     if ends in ("pinned", "propped"):
         m.spherical("tip", m.ground, b.node("tip"))
     exact = np.sort(np.concatenate([np.sqrt(k / mass) * (beta(ends, 4) / length) ** 2 for k in stiffness]))
-    compared(mb.modes(m), exact, 4)
+    compared(mb.modes(m), exact, 4, STRETCHED if "EA" in given else 0.0)
 
 
 @pytest.mark.parametrize("seed", range(2))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,6 +12,10 @@ from numpy.typing import ArrayLike
 from .._lib.checks import real_array, shown
 from .._lib.warning import warn_user
 from ..errors import DoubtfulWarning, ModelError
+
+if TYPE_CHECKING:
+    from ..model.bodies import Body
+    from ..model.model import Model
 
 AT_REST = np.zeros(0)
 
@@ -78,7 +82,7 @@ class State:
         """True where any rate is not zero."""
         return bool(np.any(self.rate))
 
-    def deformed(self, model: Any, body: Any, q: ArrayLike, rate: ArrayLike | None = None) -> State:
+    def deformed(self, model: Model, body: Body | str, q: ArrayLike, rate: ArrayLike | None = None) -> State:
         """The same with a flexible body bent: what starts ``at`` it begins there.
 
         Parameters

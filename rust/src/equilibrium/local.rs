@@ -126,7 +126,8 @@ impl Local {
 
     /// Coordinates along which more is left over than a balance may leave of the forces at work, if there are any.
     pub(crate) fn unresolved(&self) -> Option<DVector<f64>> {
-        let left = DVector::from_fn(self.r.len(), |i, _| self.r[i] / self.sizes[i]);
+        let acted_on = &self.linearization.acted_on;
+        let left = DVector::from_fn(self.r.len(), |i, _| if acted_on[i] { self.r[i] / self.sizes[i] } else { 0.0 });
         let balanced = left.iter().all(|r| r.abs() <= PUSHED);
         (!balanced).then_some(left)
     }

@@ -228,7 +228,11 @@ pub fn refined(
     counts: &mut Counts,
 ) -> Result<Vec<Between>> {
     let curve = Curve::through(eq, ends, basis, &evaluated(eq, motions, counts)?);
-    Ok(fractions.iter().map(|x| curve.at(eq, *x).motion.into()).collect())
+    let at = |x: &f64| {
+        let Node { motion, acceleration, .. } = curve.at(eq, *x);
+        Between { motion, slope: Some(acceleration) }
+    };
+    Ok(fractions.iter().map(at).collect())
 }
 
 #[cfg(test)]

@@ -77,6 +77,8 @@ pub struct Linearization {
     pub force_scale: f64,
     /// the same of the island that each minimal coordinate moves
     pub force_sizes: Vec<f64>,
+    /// do any act in it, but those of strains below a rounding of 1e-8?
+    pub acted_on: Vec<bool>,
 }
 
 /// Over the tree coordinates of a model with closed loops.
@@ -103,13 +105,15 @@ pub(crate) fn reduce_rows<T: Real>(x: DMatrix<T>, loops: Option<(&Loops, &DMatri
 
 /// The sizes of all forces at work in each island, moments over the characteristic length. Forces that the stiffness makes of
 /// displacements below a rounding of 1e-8 count as none: what is left of them is no imbalance.
-fn force_sizes(scene: &Scene<'_, f64>, tangent: &Tangent<f64>, length: f64) -> Vec<f64> {
+fn force_sizes(scene: &Scene<'_, f64>, tangent: &Tangent<f64>, length: f64) -> (Vec<f64>, Vec<bool>) {
     let mut stiffest = vec![0.0_f64; scene.topology.n_islands()];
     for (i, column) in column_scales(scene.topology, length).into_iter().enumerate() {
         let own = &mut stiffest[scene.topology.island_of(i)];
         *own = own.max(tangent.stiffness[(i, i)].abs() * column * column);
     }
-    scene.force_sizes(length).iter().zip(stiffest).map(|(force, k)| force + UNRESOLVED * k).collect()
+    let forces = scene.force_sizes(length).into_iter().zip(stiffest);
+    let sized = forces.zip(scene.are_loaded());
+    sized.map(|((force, k), loaded)| (force + UNRESOLVED * k, loaded || force > UNRESOLVED * k)).unzip()
 }
 
 /// Sizes of the terms that were added up for each entry of the stiffness of a state at rest, minimal coordinates.
@@ -278,7 +282,7 @@ pub fn linearize(setting: &Setting<'_>, counts: &mut Counts) -> Result<Lineariza
     let tau = scene.residual(None);
     let lam = loops.as_ref().map_or_else(|| DVector::zeros(0), |l| l.multipliers(&jacobian, &tau));
     let tangent = scene.tangent(Some(lam.as_slice()), counts);
-    let islands = force_sizes(&scene, &tangent, system.length);
+    let (islands, acted_on) = force_sizes(&scene, &tangent, system.length);
     let force_scale = islands.iter().sum();
     check_finite(&scene, &tangent)?;
     if let (Some(loops), Some(b), Some(straight), Some(rate), true) = (&loops, &b, &turning, &rate, rolls(setting)) {
@@ -308,6 +312,7 @@ pub fn linearize(setting: &Setting<'_>, counts: &mut Counts) -> Result<Lineariza
         ground_coupling,
         force_scale,
         force_sizes: free.iter().map(|i| islands[topology.island_of(*i)]).collect(),
+        acted_on: free.iter().map(|i| acted_on[topology.island_of(*i)]).collect(),
         loops,
     })
 }

@@ -63,12 +63,25 @@ pub struct Acting {
     pub moment: f64,
 }
 
+fn size<T: Real>(w: &Six<T>) -> Acting {
+    Acting { force: w.l.map(|v| v.re()).norm(), moment: w.a.map(|v| v.re()).norm() }
+}
+
 impl<T: Real> Scene<'_, T> {
     /// All forces at work, weight and inertia, loads, air, connectors: the nodes that each acts on, the point about which its moment
     /// counts, and its size.
     pub(crate) fn each_force(&self, mut visit: impl FnMut([Option<usize>; 2], &V3<T>, Acting)) {
         let topology = self.topology;
-        let size = |w: &Six<T>| Acting { force: w.l.map(|v| v.re()).norm(), moment: w.a.map(|v| v.re()).norm() };
+        self.each_load(&mut visit);
+        for c in &topology.connectors {
+            let acting = interaction(topology, self.geometry, self.placement, self.numbers(), c, Wanted::FORCES);
+            visit([topology.node(c.a), topology.node(c.b)], &acting.point, size(&acting.wrench));
+        }
+    }
+
+    /// The same without connectors.
+    fn each_load(&self, visit: &mut impl FnMut([Option<usize>; 2], &V3<T>, Acting)) {
+        let topology = self.topology;
         let inertia = self.inertia(self.effects.centrifugal).forces().unwrap_or_default();
         for (node, w) in inertia.iter().enumerate() {
             visit([Some(node), None], &self.placement.pose[node].p, size(w));
@@ -81,10 +94,17 @@ impl<T: Real> Scene<'_, T> {
         for acting in self.air_forces() {
             visit([topology.node(acting.b), None], &acting.point, size(&acting.wrench));
         }
-        for c in &topology.connectors {
-            let acting = interaction(topology, self.geometry, self.placement, self.numbers(), c, Wanted::FORCES);
-            visit([topology.node(c.a), topology.node(c.b)], &acting.point, size(&acting.wrench));
-        }
+    }
+
+    /// Is there any load in each island, be it small?
+    pub fn are_loaded(&self) -> Vec<bool> {
+        let mut loaded = vec![false; self.topology.n_islands()];
+        self.each_load(&mut |nodes, _, acting| {
+            if let Some(node) = nodes[0] {
+                loaded[self.topology.island[node]] |= acting.force > 0.0 || acting.moment > 0.0;
+            }
+        });
+        loaded
     }
 
     /// The sum of the sizes of all forces at work in each island, moments over a length.

@@ -20,7 +20,7 @@ impl System {
         arms.iter().enumerate().map(ratio).fold(0.0, f64::max)
     }
 
-    /// The longest arm of each body; zero where it is a point.
+    /// The longest arm of each body; zero where it is a point. Nodes of a flexible body have no arms of their own: they are points of it.
     fn arms(&self) -> Vec<f64> {
         let geometry = &*self.geometry;
         let gyration = |b: &crate::model::geometry::BodyGeometry<f64>| match b.mass > 0.0 {
@@ -37,6 +37,11 @@ impl System {
                     arms[body] = arms[body].max(at.p.norm());
                 }
             }
+        }
+        for (tip, shape) in tables.tips.iter().zip(&geometry.tips) {
+            let frame = tables.flexible[tip.flexible].body;
+            arms[frame] = arms[frame].max(shape.offset.norm() + arms[tip.body]);
+            arms[tip.body] = 0.0;
         }
         arms
     }
