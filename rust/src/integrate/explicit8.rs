@@ -315,11 +315,11 @@ impl Scheme for Explicit8 {
         refine::refined(eq, &ends, (&FOUR, &inner), fractions, counts)
     }
 
-    /// A difference of accelerations lasts about as long as the way between two nodes. Steps that are longer than a stiff scene is stable at
-    /// may end well by chance, but not go well.
+    /// What a difference of accelerations moves on the way between two nodes. Steps that are longer than a stiff scene is stable at may end
+    /// well by chance, but not go well.
     fn misfit(&self, h: f64, difference: &[f64], _filtered: bool) -> Result<Option<LocalError>> {
         let c = h / (FOUR.nodes.len() + 2) as f64;
-        let times = |f: f64| difference.iter().map(|d| f * d).collect();
-        Ok(Some(LocalError { position: times(c * c), rate: times(c), state: Vec::new() }))
+        let position = difference.iter().map(|d| c * c * d).collect();
+        Ok(Some(LocalError { position, rate: Vec::new(), state: Vec::new() }))
     }
 }
