@@ -57,13 +57,15 @@ if TYPE_CHECKING:
 _CHANGED = 1e-9
 # how much tighter the run is that estimates the error of the methods in `TIGHTENED`
 _TIGHTER = 30.0
-# Steps of the explicit method over those of "bdf-bfgs" beyond which it tells no errors. Larger: estimates of stiff motions take longer
-# than these. Smaller: errors at kinks are not seen.
+# Steps of the explicit method over those of a motion with kinks beyond which it tells no errors. Larger: estimates of stiff motions take
+# longer than these. Smaller: errors at kinks are not seen.
 _AS_MANY = 100
 # below it the error of bdf-bfgs no longer follows its tolerance: a tighter run is no better
 _NOISE_WITHOUT_TANGENT = 1e-9
 # deflections beyond this part of a body's length are too large for linear elasticity in a frame
 _BENT = 0.2
+# the tolerance of a run by "explicit" that fixed steps are compared with
+_SURE = 1e-9
 # outputs at which the error is estimated
 _COMPARED = 50
 
@@ -162,7 +164,7 @@ def simulate(
     rtol
         Tolerance of the controlled steps, relative to the characteristic length, one radian and the largest rate so far;
         1e-7 if neither it nor ``step`` is given. "bdf-bfgs" serves tolerances down to 1e-10, with
-        loops, drives and rolling down to 3e-9, and warns of tighter ones.
+        loops, drives and rolling down to 1e-8, and warns of tighter ones.
     step
         s; fixed steps instead.
     method
@@ -504,6 +506,18 @@ def _rounding(traj: Trajectory) -> float:
     return float(np.finfo(float).eps * np.sqrt(len(traj.steps)) * (1.0 + away + span * max(speeds)))
 
 
+def _of_explicit(traj: Trajectory, options: dict[str, Any]) -> float | None:
+    """The tolerance of a run by "explicit" that tells the error where two runs by the same method err alike.
+
+    Histories begin alike at each kink, and fixed steps over a contact that is shorter than they go wild each in its way.
+    """
+    if "step" in options:
+        return _SURE if _core.motion_has_kinks(traj.snapshot.system, list(traj.without)) else None
+    if traj.method == "bdf-bfgs" and traj.stats.counts.get("kinks met", 0) > 0:
+        return max(float(options["rtol"]) / _TIGHTER, TIGHTEST)
+    return None
+
+
 def _estimated_error(traj: Trajectory, state: State, options: dict[str, Any]) -> float | None:
     """Largest difference to a second run, scaled to the error of this one."""
     if traj.status != "finished":
@@ -514,11 +528,10 @@ def _estimated_error(traj: Trajectory, state: State, options: dict[str, Any]) ->
     compared = np.unique(np.linspace(first, len(traj.t) - 1, min(len(traj.t) - first, _COMPARED)).astype(int))
     outputs = {"outputs": traj.t[compared].tolist()}
     made, factor = None, _TIGHTER / (_TIGHTER - 1.0)
-    if traj.method == "bdf-bfgs" and "step" not in options and traj.stats.counts.get("kinks met", 0) > 0:
-        # histories begin alike at each kink: two of them tell nothing of that
-        tighter = max(options["rtol"] / _TIGHTER, TIGHTEST)
-        others = {"method": "explicit", "rtol": tighter, "max_steps": float(_AS_MANY * len(traj.steps))}
-        made = _run(traj.snapshot, state, traj.without, {**options, **others, **outputs})
+    if (rtol := _of_explicit(traj, options)) is not None:
+        others = {"method": "explicit", "rtol": rtol, "max_steps": float(_AS_MANY * len(traj.steps))}
+        given = {key: value for key, value in options.items() if key != "step"}
+        made = _run(traj.snapshot, state, traj.without, {**given, **others, **outputs})
     if made is None or made["status"] not in ("finished", "interrupted"):
         changed, factor = _compared_with(traj, options)
         method = traj.method if options["method"] == "auto" else options["method"]

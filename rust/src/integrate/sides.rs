@@ -53,6 +53,8 @@ pub(super) struct Sides<'e, 's> {
     sides: Vec<Side>,
     /// those that it changed to and was not beyond the kink on yet
     fresh: Vec<bool>,
+    /// when each law went to its other side: not twice in a moment
+    turned_at: Vec<f64>,
     /// kinks of laws that do not act, or that are passed by steps of any length, which is said
     ignored: Vec<bool>,
     rests: Rests,
@@ -114,6 +116,7 @@ impl<'e, 's> Sides<'e, 's> {
             exact,
             sides: vec![Side::Free; n],
             fresh: vec![false; n],
+            turned_at: vec![f64::NAN; n],
             ignored,
             rests: Rests::new(n),
             before: Vec::new(),
@@ -333,14 +336,15 @@ impl<'e, 's> Sides<'e, 's> {
 
     /// The kink is nearer to the start of the step than any step can end.
     pub fn is_here(&mut self, here: &Instant) {
-        match self.search.take() {
-            Some(search) => self.turn_over(&here.motion, &self.passed_by(&search, &search.behind.1)),
-            None => {
-                self.unseen = Some(here.motion.t);
-                let inside = self.inside.take();
-                inside.into_iter().for_each(|k| self.miss(here.motion.t, k, WITHIN));
-            }
+        let search = self.search.take();
+        let passed = search.as_ref().map_or_else(Vec::new, |s| self.passed_by(s, &s.behind.1));
+        if !passed.is_empty() {
+            return self.turn_over(&here.motion, &passed);
         }
+        // what was looked for is noise, or comes back: the next step passes it
+        self.unseen = Some(here.motion.t);
+        let inside = self.inside.take().or(search.and_then(|s| s.targets.first().copied()));
+        inside.into_iter().for_each(|k| self.miss(here.motion.t, k, WITHIN));
     }
 
     fn miss(&mut self, t: f64, k: usize, what: &'static str) {
@@ -352,7 +356,8 @@ impl<'e, 's> Sides<'e, 's> {
     fn turn_over(&mut self, m: &Motion<f64>, kinks: &[usize]) {
         for &k in kinks {
             self.rests.meet(k);
-            if self.fresh[k] || !self.exact && self.rests.is_met_again(k) {
+            let again = std::mem::replace(&mut self.turned_at[k], m.t) == m.t;
+            if again || self.fresh[k] || !self.exact && self.rests.is_met_again(k) {
                 self.leave(k);
                 self.rests.begin(k);
                 self.miss(m.t, k, ENDLESS);

@@ -66,7 +66,7 @@ impl Inverse {
         Inverse::Dense { n, h }
     }
 
-    /// The inverse of a Jacobian, or None where it is singular to working accuracy. O(n^3).
+    /// The inverse of a Jacobian, or None where not a digit of it is sure. O(n^3).
     pub fn of(jacobian: &Mat<f64>) -> Option<Inverse> {
         let n = jacobian.nrows();
         if !is_finite(jacobian.as_ref()) {
@@ -74,7 +74,7 @@ impl Inverse {
         }
         let inverse = jacobian.partial_piv_lu().inverse();
         let regular = (0..n).all(|j| (0..n).all(|i| inverse[(i, j)].is_finite()))
-            && !is_singular(inverse.norm_l2() * jacobian.norm_l2());
+            && !is_singular(10.0 * inverse.norm_l2() * jacobian.norm_l2());
         regular.then(|| Inverse::dense(&inverse))
     }
 
