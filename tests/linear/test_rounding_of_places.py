@@ -30,4 +30,3 @@ def test_a_beam_that_is_drawn_off_its_bearing(seed):
         # the drawing itself is off by the opening, which stretches the beam
         assert np.allclose(f.omega, found[0].omega, rtol=1e-10 + 1e5 * opening / length)
         assert f.error.max() < 1e-9
-

@@ -102,7 +102,10 @@ impl Sides<'_, '_> {
             let own = |j: usize| if self.sides[k] == Side::Below { -path[j].1[k] } else { path[j].1[k] };
             let [a, b, c] = [own(j - 1), own(j), own(j + 1)];
             let (bend, slope) = (a - 2.0 * b + c, 0.5 * (c - a));
-            let is_least = self.sides[k] != Side::Free && b <= a && b <= c && bend > 0.0;
+            // up to half the way to the next place, and at the ends of the step all of it
+            let reach = |is_last: bool| if is_last { bend } else { 0.5 * bend };
+            let is_within = slope <= reach(j == 1) && -slope <= reach(j + 2 == path.len());
+            let is_least = self.sides[k] != Side::Free && is_within && bend > 0.0;
             // the parabola is as good as the bend is even
             if !is_least || b - 0.5 * slope * slope / bend > bend {
                 continue;
