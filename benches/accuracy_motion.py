@@ -167,7 +167,7 @@ def sections() -> dict[str, tuple[str, str, Callable[[], Any]]]:
         ),
         "motion-gap": (
             "Motion: a mass that strikes a stop of 1e4 N/m, 2 s",
-            "Each contact is a kink in the force: steps end there, those of bdf and bdf-bfgs go over it and are rejected more often.",
+            "Each contact is a kink in the force: the steps of all methods end there, and histories begin anew.",
             lambda: study(zoo.gap(), repeat=2),
         ),
     }
