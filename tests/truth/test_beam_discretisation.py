@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+from dataclasses import replace
 from itertools import pairwise
 
 import jitter
@@ -231,7 +232,7 @@ def test_random_frames(seed):
         turns.append(R)
     coarse, exact = frame(beams, points, given, turns, 24), frame(beams, points, given, turns, 48)
     assert np.abs(coarse[:6] / exact[:6] - 1).max() < 1e-4
-    compared(mb.modes(m), exact + (exact - coarse[: len(exact)] if len(coarse) == len(exact) else 0), 6)
+    compared(mb.modes(m), exact, 6)
 
 
 def test_parameters_equilibria_and_large_models():
@@ -250,11 +251,8 @@ def test_parameters_equilibria_and_large_models():
     drawn = mb.modes(m, without=["gravity"])
     assert np.allclose(sagging.discretisation[:2], drawn.discretisation[:2], rtol=0.2)
     few = mb.modes(m, without=["gravity"], n=2, shift=float(drawn.frequency[2]))
-    assert np.allclose(
-        few.discretisation,
-        np.sort(drawn.discretisation[1:4])[:2] * 0
-        + drawn.discretisation[np.searchsorted(drawn.frequency, few.frequency - 1e-9)],
-    )
+    those = np.searchsorted(drawn.frequency, few.frequency - 1e-9)
+    assert np.allclose(few.discretisation, drawn.discretisation[those])
     rigid = mb.Model("rigid")
     body = rigid.body("a", mass=1.0, inertia=(0.1, 0.2, 0.3), at=rng.normal(size=3))
     rigid.bushing("k", rigid.ground, body, at=(0.1, 0.2, 0.3), k=(1.0, 2.0, 3.0, 4.0, 5.0, 6.0))
@@ -299,10 +297,8 @@ def test_what_has_no_estimate_is_refused():
         m.fixed("root", m.ground, m.flexible_body("b", body).node("root"))
         return m
 
-    import dataclasses
-
     with pytest.raises(ModelError, match="mesh of this modal body is not known"):
-        _ = mb.modes(model(dataclasses.replace(beam, recipe=None))).discretisation
+        _ = mb.modes(model(replace(beam, recipe=None))).discretisation
     varied = model(beam)
     varied.set({"b.K[0,0]": 1.1 * beam.K[0, 0]})
     with pytest.raises(ModelError, match="stiffness that was changed"):

@@ -85,13 +85,14 @@ def _solved(modes: Modes, amplitude: float, z: np.ndarray) -> np.ndarray | None:
         X = np.column_stack([modes.rest, a, b])
         with np.errstate(all="ignore"):
             out = modes.core.residual(modes.core.restrict(X), [w])
+        turned = np.concatenate([M @ b, -M @ a])
         R, J = out["residual"][n:].copy(), np.zeros((2 * n + 2, 2 * n + 2))
         J[: 2 * n, : 2 * n], J[: 2 * n, -2] = out["jacobian"][n:, n:], out["slope"][n:]
-        R += 2 * w * growth * np.concatenate([M @ b, -M @ a])
+        R += 2 * w * growth * turned
         J[:n, n : 2 * n] += 2 * w * growth * M
         J[n : 2 * n, :n] -= 2 * w * growth * M
-        J[: 2 * n, -2] += 2 * growth * np.concatenate([M @ b, -M @ a])
-        J[: 2 * n, -1] = 2 * w * np.concatenate([M @ b, -M @ a])
+        J[: 2 * n, -2] += 2 * growth * turned
+        J[: 2 * n, -1] = 2 * w * turned
         J[-2, : 2 * n] = 2 * np.concatenate([M @ a, M @ b])
         J[-1, : 2 * n] = phase
         rest = np.concatenate([R, [a @ M @ a + b @ M @ b - amplitude**2, phase @ z[:-2]]])

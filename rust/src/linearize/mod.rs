@@ -104,15 +104,15 @@ pub(crate) fn reduce_rows<T: Real>(x: DMatrix<T>, loops: Option<(&Loops, &DMatri
 }
 
 /// The sizes of all forces at work in each island, moments over the characteristic length. Forces that the stiffness makes of
-/// displacements below a rounding of 1e-8 count as none: what is left of them is no imbalance.
+/// displacements below a rounding of 1e-8 count as none: what is left of them is no imbalance. And whether any but these act there.
 fn force_sizes(scene: &Scene<'_, f64>, tangent: &Tangent<f64>, length: f64) -> (Vec<f64>, Vec<bool>) {
     let mut stiffest = vec![0.0_f64; scene.topology.n_islands()];
     for (i, column) in column_scales(scene.topology, length).into_iter().enumerate() {
         let own = &mut stiffest[scene.topology.island_of(i)];
         *own = own.max(tangent.stiffness[(i, i)].abs() * column * column);
     }
-    let forces = scene.force_sizes(length).into_iter().zip(stiffest);
-    let sized = forces.zip(scene.are_loaded());
+    let (forces, are_loaded) = scene.force_sizes(length);
+    let sized = forces.into_iter().zip(stiffest).zip(are_loaded);
     sized.map(|((force, k), loaded)| (force + UNRESOLVED * k, loaded || force > UNRESOLVED * k)).unzip()
 }
 

@@ -500,7 +500,7 @@ impl<'a> Builder<'a> {
     fn unbalanced(&self, lam: &[f64], loops: Option<&LoopBlocks>) -> (f64, usize) {
         let residual = self.tree.residual(Some(lam));
         let (topology, length) = (&self.system.topology, self.system.length);
-        let sizes = self.tree.force_sizes(length);
+        let (sizes, _) = self.tree.force_sizes(length);
         let places: Vec<usize> = loops.map_or_else(|| (0..residual.len()).collect(), |l| l.independent.clone());
         let part = |i: usize| match sizes[topology.island_of(i)] {
             size if size > 0.0 => residual[i].abs() * topology.scale(i, length) / size,

@@ -71,15 +71,11 @@ impl<T: Real> Scene<'_, T> {
     /// All forces at work, weight and inertia, loads, air, connectors: the nodes that each acts on, the point about which its moment
     /// counts, and its size.
     pub(crate) fn each_force(&self, mut visit: impl FnMut([Option<usize>; 2], &V3<T>, Acting)) {
-        let topology = self.topology;
         self.each_load(&mut visit);
-        for c in &topology.connectors {
-            let acting = interaction(topology, self.geometry, self.placement, self.numbers(), c, Wanted::FORCES);
-            visit([topology.node(c.a), topology.node(c.b)], &acting.point, size(&acting.wrench));
-        }
+        self.each_connector(&mut visit);
     }
 
-    /// The same without connectors.
+    /// All of them but connectors.
     fn each_load(&self, visit: &mut impl FnMut([Option<usize>; 2], &V3<T>, Acting)) {
         let topology = self.topology;
         let inertia = self.inertia(self.effects.centrifugal).forces().unwrap_or_default();
@@ -96,25 +92,30 @@ impl<T: Real> Scene<'_, T> {
         }
     }
 
-    /// Is there any load in each island, be it small?
-    pub fn are_loaded(&self) -> Vec<bool> {
-        let mut loaded = vec![false; self.topology.n_islands()];
-        self.each_load(&mut |nodes, _, acting| {
-            if let Some(node) = nodes[0] {
-                loaded[self.topology.island[node]] |= acting.force > 0.0 || acting.moment > 0.0;
-            }
-        });
-        loaded
+    fn each_connector(&self, visit: &mut impl FnMut([Option<usize>; 2], &V3<T>, Acting)) {
+        let topology = self.topology;
+        for c in &topology.connectors {
+            let acting = interaction(topology, self.geometry, self.placement, self.numbers(), c, Wanted::FORCES);
+            visit([topology.node(c.a), topology.node(c.b)], &acting.point, size(&acting.wrench));
+        }
     }
 
-    /// The sum of the sizes of all forces at work in each island, moments over a length.
-    pub fn force_sizes(&self, length: f64) -> Vec<f64> {
+    /// The sum of the sizes of all forces at work in each island, moments over a length, and whether any of them is a load.
+    pub fn force_sizes(&self, length: f64) -> (Vec<f64>, Vec<bool>) {
         let mut sizes = vec![0.0; self.topology.n_islands()];
-        self.each_force(|nodes, _, acting| {
+        self.each_load(&mut self.adding(&mut sizes, length));
+        let are_loaded = sizes.iter().map(|s| *s > 0.0).collect();
+        self.each_connector(&mut self.adding(&mut sizes, length));
+        (sizes, are_loaded)
+    }
+
+    /// Adds the size of each force to that of its island.
+    fn adding(&self, sizes: &mut [f64], length: f64) -> impl FnMut([Option<usize>; 2], &V3<T>, Acting) {
+        let topology = self.topology;
+        move |nodes, _, acting| {
             if let Some(node) = nodes[0].or(nodes[1]) {
-                sizes[self.topology.island[node]] += acting.force * length + acting.moment;
+                sizes[topology.island[node]] += acting.force * length + acting.moment;
             }
-        });
-        sizes
+        }
     }
 }
