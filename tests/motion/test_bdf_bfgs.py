@@ -411,3 +411,20 @@ def test_shorter_fixed_steps_err_less():
     errors = [np.abs(mb.simulate(m, t=1.0, step=h, method="bdf-bfgs").position("b")[-1] - exact).max() for h in steps]
     print(errors)
     assert errors[0] / errors[1] > 10.0 and errors[1] / errors[2] > 10.0
+
+
+@pytest.mark.parametrize(
+    ("name", "form", "most"),
+    [("chain", "ggl", 8.0), ("chain", "symmetric", 5.0), ("double_pendulum", "symmetric", 4.5), ("bushings", "ggl", 2.5)],
+)
+def test_a_fixed_step_is_solved_to_a_share_of_what_it_errs(name, form, most):
+    """Not to rounding, for twice to four times the evaluations: the error stays that of the formula, as twice the step shows."""
+    problem = zoo.SMOOTH[name]()
+    steps = 800
+    traj = run(problem.model, problem.t, problem.t / steps, form)
+    evaluations = traj.stats.counts["residual evaluations"] / steps
+    coarse = run(problem.model, problem.t, 2 * problem.t / steps, form)
+    double, error = (problem.error(t.t, problem.places(t)) for t in (coarse, traj))
+    print(f"{name}, {form}: {evaluations:.1f} evaluations a step, error {error:.1e}, with twice the step {double:.1e}")
+    assert evaluations < most
+    assert 12.0 < double / error < 21.0

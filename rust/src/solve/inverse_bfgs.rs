@@ -214,7 +214,10 @@ impl<'a> Run<'a> {
         let s: Vec<f64> = d.iter().map(|d| taken.lambda * d).collect();
         let y: Vec<f64> = reached.iter().zip(&self.f).map(|(a, b)| a - b).collect();
         let step = Step { s: &s, y: &y, f: &self.f, lambda: taken.lambda };
-        if taken.norm > self.options.tolerance && !h.update(self.out.family, &self.options.guard, &step) {
+        // an inverse as good as differences make it would lose: BFGS drops what is not symmetric, Broyden's update takes rounding in
+        let is_exact = taken.norm <= f64::EPSILON.sqrt() * self.norm;
+        let is_due = taken.norm > self.options.tolerance && !is_exact;
+        if is_due && !h.update(self.out.family, &self.options.guard, &step) {
             self.out.skipped += 1;
         }
         self.accept(trial, reached, taken.norm)

@@ -32,8 +32,8 @@ pub const FIXED_SOLVED: f64 = 1e-12;
 pub const SHARE_OF_TOLERANCE: f64 = 0.01;
 
 /// What the equations of a step may leave where rounding alone is allowed: loops, over lengths of their loop or radians (what shrinks no
-/// more ends at `constraints::CLOSED_ENOUGH`), the equations of a fixed step of "bdf-bfgs" over the motion within it, whose remainders are
-/// of accelerations and add up twice, and the distance from a kink at which a step ends for derivatives, over the largest of the motion.
+/// more ends at `constraints::CLOSED_ENOUGH`), the equations of a fixed step of "bdf-bfgs" over the motion within it, where that is more than
+/// `NOISE_SHARE` of its error (remainders are of accelerations and add up twice), and the distance from a kink at which a step ends for derivatives, over the largest of the motion.
 /// Larger: energy drifts by openings, and shorter steps err more. Smaller: rounding is corrected. Pinned by
 /// `test_shorter_fixed_steps_err_less`, from above, and `test_work_of_steps_that_keep_matrices_and_lengths`, from below.
 pub const CLOSED: f64 = 1e-14;
@@ -46,10 +46,12 @@ pub const CLOSED: f64 = 1e-14;
 pub const FROM_REST: f64 = 1e-3;
 
 /// What is noise beside the tolerance of controlled steps, over it: distances from a kink in steps and at their ends, over the largest of the
-/// motion, and the error of a start step of "bdf-bfgs", which has to be far below that of the steps that follow on it. Larger: kinks are
-/// passed by as much and not seen, and differences of the first points show the errors of the start. Smaller: remainders of Newton's
-/// method are taken for passages, and start steps are divided for nothing. Pinned by tests/gradients/test_gradient_bounces.py,
-/// from above. Not seen from below: kinks of tests are met as well, and start steps are of order eight.
+/// motion, and the error of a start step of "bdf-bfgs", which has to be far below that of the steps that follow on it; beside what a fixed
+/// step of "bdf-bfgs" errs in its rates: what its equations are left with adds up, while errors of steps take turns in sign. Larger: kinks
+/// are passed by as much and not seen, differences of the first points show the errors of the start, and shorter fixed steps err more.
+/// Smaller: remainders of Newton's method are taken for passages, start steps are divided, and fixed steps solved, for nothing. Pinned by
+/// tests/gradients/test_gradient_bounces.py and `test_shorter_fixed_steps_err_less`, from above, and
+/// `test_a_fixed_step_is_solved_to_a_share_of_what_it_errs`, from below.
 pub const NOISE_SHARE: f64 = 1e-3;
 /// What a kink changes in a step, over its tolerance, below which the step may pass it, and what a law changes between a kink and the end of
 /// a step that is to end there. Larger: kinks add to the error of steps. Smaller: kinks are searched that no error shows. Pinned by

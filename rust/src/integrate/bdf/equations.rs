@@ -104,6 +104,8 @@ pub struct BdfStep<'a, 's> {
     pub guess: Guess,
     /// by how much the step moves the increments, as was foreseen
     pub moved: Vec<f64>,
+    /// what a fixed step is expected to err in its rates, in the units of the unknowns
+    pub rate_error: f64,
     /// factors of the equations, of order one
     pub row_factor: Vec<f64>,
     pub counts: &'a mut Counts,

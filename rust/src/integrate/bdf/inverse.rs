@@ -82,6 +82,14 @@ impl Inverse {
     }
 }
 
+/// The largest error in the rates of the last step, in the units of the unknowns of this one. What equations are left with enters rates as it
+/// is, but the errors of steps mostly positions: those of rates are the smaller ones in these units.
+fn rate_error(ahead: &Ahead<'_>, sizes: &Sizes) -> f64 {
+    let Some((difference, factor)) = ahead.error else { return 0.0 };
+    let errors = difference.v.iter().zip(&sizes.sigma).map(|(v, s)| (factor * ahead.c * v / s).abs());
+    errors.fold(0.0, f64::max)
+}
+
 impl Corrector for Inverse {
     fn solve(&mut self, eq: &Equations<'_, f64>, ahead: &Ahead<'_>, counts: &mut Counts) -> Result<Trial> {
         let sizes = self.sizes(eq, &ahead.from.motion);
@@ -102,6 +110,7 @@ impl Corrector for Inverse {
             rate_past: past(&ahead.psi.v, &ahead.guess.v),
             state_base: ahead.state_base(),
             moved: guess.theta.iter().zip(ahead.last).map(|(y, last)| y - last).collect(),
+            rate_error: if self.controlled { 0.0 } else { rate_error(ahead, &sizes) },
             guess,
             row_factor: vec![1.0; n],
             counts,

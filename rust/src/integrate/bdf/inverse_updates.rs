@@ -10,7 +10,7 @@ use crate::solve::inverse_bfgs::{Options, Outcome, Start, Status, solve};
 use crate::solve::line_search::Rule;
 
 use super::equations::BdfStep;
-use crate::tolerances::steps::{CLOSED, FIXED_SOLVED, ROW_ROUNDING, SHARE_OF_TOLERANCE};
+use crate::tolerances::steps::{CLOSED, FIXED_SOLVED, NOISE_SHARE, ROW_ROUNDING, SHARE_OF_TOLERANCE};
 
 /// Least cosine between y and s for an update: where BFGS meets a nonsymmetric or indefinite Jacobian, smaller ones ruin H.
 const CURVATURE: f64 = 0.1;
@@ -85,12 +85,13 @@ impl StepSolver {
         Ok(())
     }
 
+    /// The norm to reach: a part of the motion within the step, but for fixed steps no less than a share of what they err.
     fn tolerance(&self, step: &BdfStep<'_, '_>) -> f64 {
         let moved = step.moved.iter().zip(&step.sizes.sigma);
         let size = moved.fold(0.0_f64, |a, (v, s)| a.max((v / s).abs()));
         // rounding of increments shows itself, where a fresh inverse gets no lower
         let floor = if step.sizes.kept.is_empty() { 0.0 } else { ROW_ROUNDING };
-        (self.solved * size).clamp(floor, FIXED_SOLVED)
+        (self.solved * size).max(NOISE_SHARE * step.rate_error).clamp(floor, FIXED_SOLVED)
     }
 
     /// The equations of a step: with the H there is, with a new one, with a new one and Broyden's update.

@@ -69,6 +69,8 @@ struct Ahead<'a> {
     last: &'a [f64],
     guess: Pair,
     psi: Pair,
+    /// the difference that the error of the last step is a multiple of, and the factor, where that step was as long as this one
+    error: Option<(&'a Pair, f64)>,
     h: f64,
     c: f64,
     t: f64,
@@ -213,7 +215,8 @@ impl Bdf {
         let (guess, psi) = history.ahead(&self.formula, self.order);
         let (h, c) = (history.h, history.h / self.formula.alpha(self.order));
         let (chart, last) = (&history.chart, &history.d[0].y);
-        let ahead = Ahead { chart, from, last, guess, psi, h, c, t: from.motion.t + h };
+        let error = (history.equal > 0).then(|| (&history.d[self.order + 1], self.formula.error_constant(self.order)));
+        let ahead = Ahead { chart, from, last, guess, psi, error, h, c, t: from.motion.t + h };
         let trial = self.corrector.solve(eq, &ahead, counts)?;
         if let Some(record) = &mut self.record {
             let slopes = ahead.psi.v.iter().zip(&ahead.guess.v).zip(&trial.motion.rate);
