@@ -26,10 +26,22 @@ def graded(seed):
         m = random_tree(rng, int(rng.integers(1, 5)), tuple(rng.choice(KINDS, 3)))
     else:
         m = random_loop(rng, LOOPS[int(rng.integers(2))], rod=bool(rng.integers(2)))
+    stiffen_half(m, rng)
+    return m, 10 ** np.random.default_rng(seed).uniform(0, 6, 3)
+
+
+def graded_loop(seed):
+    """Such a loop, and the random numbers that go on behind it."""
+    rng = np.random.default_rng([seed, 77])
+    m = random_loop(rng, LOOPS[int(rng.integers(2))], rod=bool(rng.integers(2)))
+    stiffen_half(m, rng)
+    return m, rng
+
+
+def stiffen_half(m, rng):
     factor = 10 ** rng.uniform(0, 9)
     stiff = [f"{e.name}.k" for e in m.elements if rng.random() < 0.5]
     m.set({address: np.asarray(m.value(address)) * factor for address in stiff})
-    return m, 10 ** np.random.default_rng(seed).uniform(0, 6, 3)
 
 
 def angles(a, b):
@@ -52,10 +64,7 @@ def off_and_stated(m, rng, distance):
     return max(off, angles(found, near)), stated
 
 
-# the search for that of seed 8 in these units and this world does not end near to the origin either
-@pytest.mark.parametrize(
-    "seed", [72, 157, 181, *(pytest.param(s, marks=pytest.mark.slow) for s in range(60) if s != 8)]
-)
+@pytest.mark.parametrize("seed", [8, 72, 157, 181, *(pytest.param(s, marks=pytest.mark.slow) for s in range(60))])
 def test_the_error_far_from_the_origin_is_stated(seed):
     """In mixed units, at distances of up to 1e4 lengths: the stated errors are at least a third of the distance between the equilibria of
     the same points far away and near to the origin."""
@@ -77,13 +86,8 @@ def test_the_error_of_graded_loops_is_stated(distance, n):
     if jitter.level():
         pytest.skip("noise on far places moves points")
     shares, eps = [], np.finfo(float).eps
-    # the search for that of seed 37 does not end in this turned world, near to the origin either
-    for seed in (s for s in range(n) if s != 37):
-        rng = np.random.default_rng([seed, 77])
-        m = random_loop(rng, LOOPS[int(rng.integers(2))], rod=bool(rng.integers(2)))
-        factor = 10 ** rng.uniform(0, 9)
-        stiff = [f"{e.name}.k" for e in m.elements if rng.random() < 0.5]
-        m.set({address: np.asarray(m.value(address)) * factor for address in stiff})
+    for seed in range(n):
+        m, rng = graded_loop(seed)
         off, stated = off_and_stated(m, rng, distance)
         # places and angles are compared with the rounding of their differences
         assert off <= 3 * stated + 4 * eps
@@ -107,3 +111,17 @@ def test_far_from_the_origin_an_equilibrium_is_found(seed):
         print(f"{distance:.0e}: {found.status}, off {off:.1e}, error {found.error:.1e}, rounding {rounding:.1e}")
         assert off < m.tolerance + found.error + near.error
         assert found.status == "converged" or found.doubts
+
+
+@pytest.mark.parametrize(
+    ("of", "seed"), [(graded, 8), (graded_loop, 37), *(pytest.param(graded, s, marks=pytest.mark.slow) for s in range(60))]
+)
+def test_a_search_ends_in_every_world(of, seed):
+    """Moments that follow bodies have no potential: where Newton's method sits at a singular stiffness, how the model is turned decides."""
+    m, _ = of(seed)
+    length = compiled(m).characteristic_length
+    for world in range(8):
+        change = turned(np.random.default_rng([seed, world]), length)
+        found = mb.equilibrium(moved(-change.shift)(change(m)))
+        print(f"world {world}: {found.status} after {found.iterations} iterations, residual {found.residual:.1e}")
+        assert found.residual < 1e-9 and found.iterations < 200

@@ -131,7 +131,10 @@ fn search(
         }
         // where Newton's step is short relaxation has done its work
         let short = |step: &DVector<f64>| sigma == 0.0 || freely.is_none() && step.amax() <= CLOSE;
-        let plain = newton_step(&local, &spectrum, 0.0).ok().filter(short);
+        let plain = newton_step(&local, &spectrum, 0.0).ok();
+        // a step that relaxation keeps short says nothing of the distance
+        let is_far = plain.as_ref().is_none_or(|step| step.amax() > CLOSE);
+        let plain = plain.filter(short);
         if plain.is_some() {
             sigma = 0.0;
         }
@@ -171,7 +174,7 @@ fn search(
             return finish(system, state, local, effects, iteration);
         }
         if careful
-            && step.amax() > CLOSE
+            && is_far
             && let Some((lower, there)) =
                 descent.get_or_insert_with(|| Descent::new(system, effects)).step(&state, &local, &spectrum, counts)?
         {
