@@ -114,14 +114,16 @@ def test_far_from_the_origin_an_equilibrium_is_found(seed):
 
 
 @pytest.mark.parametrize(
-    ("of", "seed"), [(graded, 8), (graded_loop, 37), *(pytest.param(graded, s, marks=pytest.mark.slow) for s in range(60))]
+    ("of", "seed"),
+    [(graded, 8), (graded_loop, 37), *(pytest.param(graded, s, marks=pytest.mark.slow) for s in range(60))],
 )
 def test_a_search_ends_in_every_world(of, seed):
-    """Moments that follow bodies have no potential: where Newton's method sits at a singular stiffness, how the model is turned decides."""
+    """And soon: where Newton's method stops at a singular stiffness, as it may with moments that follow bodies, it does not depend on the
+    world whether the search goes on; along a stiff strut steps are as long as elsewhere."""
     m, _ = of(seed)
     length = compiled(m).characteristic_length
     for world in range(8):
         change = turned(np.random.default_rng([seed, world]), length)
         found = mb.equilibrium(moved(-change.shift)(change(m)))
-        print(f"world {world}: {found.status} after {found.iterations} iterations, residual {found.residual:.1e}")
-        assert found.residual < 1e-9 and found.iterations < 200
+        print(f"world {world}: {found.status} after {found.iterations} iterations, error {found.error:.1e}")
+        assert found.error < m.tolerance and found.iterations < 100

@@ -415,7 +415,12 @@ def test_shorter_fixed_steps_err_less():
 
 @pytest.mark.parametrize(
     ("name", "form", "most"),
-    [("chain", "ggl", 8.0), ("chain", "symmetric", 5.0), ("double_pendulum", "symmetric", 4.5), ("bushings", "ggl", 2.5)],
+    [
+        ("chain", "ggl", 8.0),
+        ("chain", "symmetric", 5.0),
+        ("double_pendulum", "symmetric", 4.5),
+        ("bushings", "ggl", 2.5),
+    ],
 )
 def test_a_fixed_step_is_solved_to_a_share_of_what_it_errs(name, form, most):
     """Not to rounding, for twice to four times the evaluations: the error stays that of the formula, as twice the step shows."""

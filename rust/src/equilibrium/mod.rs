@@ -110,6 +110,8 @@ fn search(
     let mut best = (f64::INFINITY, state.clone());
     let mut descent = None;
     let before = shortened(counts);
+    // the last step was shortened
+    let mut is_slow = false;
     for iteration in 0..MAX_ITERATIONS {
         let careful = iteration >= QUICK || shortened(counts) > before + SHORTENED;
         cancel.check()?;
@@ -174,19 +176,21 @@ fn search(
             return finish(system, state, local, effects, iteration);
         }
         if careful
-            && is_far
+            && (is_far || is_slow)
             && let Some((lower, there)) =
                 descent.get_or_insert_with(|| Descent::new(system, effects)).step(&state, &local, &spectrum, counts)?
         {
             (state, local, sigma) = (lower, there, 0.0);
             continue;
         }
+        let already = shortened(counts);
         let (next_state, next, relaxed) = advance_once(system, &state, &local, &spectrum, sigma, effects, counts)?;
         sigma = if relaxed {
             next.r.norm() / local.r.norm().max(f64::MIN_POSITIVE) * sigma.max(initial_sigma(&local))
         } else {
             0.0
         };
+        is_slow = shortened(counts) > already;
         state = next_state;
         local = next;
     }

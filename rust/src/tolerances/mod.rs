@@ -132,8 +132,9 @@ pub mod equilibrium {
     /// See `BALANCED`. Pinned by `test_a_link_beyond_its_buckling_load`, from below. Not seen from above: the last step leaves its square.
     pub const NEARLY_BALANCED: f64 = 1e-11;
 
-    /// Newton's step, in characteristic lengths or radians, from which on a slow search may descend in energy instead. Larger: loads
-    /// without a potential and energies of rounding are descended in. Smaller: Newton's method goes to and fro. Pinned by
+    /// Newton's step, in characteristic lengths or radians, from which on a slow search may descend in energy instead, where its last step
+    /// was not shortened. Larger: loads without a potential and energies of rounding are descended in. Smaller: Newton's method goes to and
+    /// fro. Pinned by
     /// tests/invariance/test_far_equilibrium.py, from above, and `test_a_chain_drawn_level_falls`, from below.
     pub const CLOSE: f64 = 1e-3;
 }
