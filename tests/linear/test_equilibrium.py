@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import jitter
 import mbrs as mb
 import numpy as np
@@ -445,3 +447,26 @@ def test_what_a_weak_spring_holds_is_not_free(stiffness, free):
     m.prismatic("loose", m.ground, loose, at=(2, 0, 0), axis="x")
     m.spring_damper("s", held, loose, at=((1, 0, 0), (2, 0, 0)), k=1.0)
     assert (mb.equilibrium(m).free_directions != ()) == free
+
+
+@pytest.mark.parametrize("gravity", [(0.0, 0.0, 0.0), (1.3, -4.4, -8.1)], ids=["weightless", "heavy"])
+def test_loops_and_drives_close_from_the_place_of_other_numbers(gravity):
+    """A sweep of a driven four-bar in an oblique plane, each place sought from the one before: it is that from the drawing."""
+    turn = rotation_matrix("x", 0.7) @ rotation_matrix("z", -0.4)
+    at = [tuple(turn @ p) for p in ((0, 0, 0), (0.13, 0.9, 0), (1.1, 1.2, 0), (1.3, 0, 0))]
+    axis = tuple(turn @ (0, 0, 1))
+    m = mb.Model("driven four-bar", gravity=gravity)
+    middles = [tuple(0.5 * (np.array(p) + q)) for p, q in pairwise(at)]
+    bodies = [m.body(n, mass=1.3, inertia=(0.1, 0.12, 0.09), at=p) for n, p in zip("abc", middles, strict=True)]
+    for i, (name, a, b) in enumerate(zip("ABCD", [m.ground, *bodies], [*bodies, m.ground], strict=True)):
+        m.revolute(name, a, b, at=at[i], axis=axis)
+    m.drive("motor", "A", mb.Ramp(rate=0.0, offset=m.parameter("angle", 0.0, unit="rad")))
+    before = mb.equilibrium(m)
+    for angle in (1e-3, 3e-3, 0.2, 0.5):
+        m.set({"angle": angle})
+        before, fresh = mb.equilibrium(m, at=before), mb.equilibrium(m)
+        off = max(np.abs(before.position(b.name) - fresh.position(b.name)).max() for b in bodies)
+        crank = np.linalg.norm(before.position("a") - np.array(middles[0]))
+        print(f"{angle}: {before.status}, off {off:.1e}, error {before.error:.1e}")
+        assert off < 1e-12 and before.status == "converged"
+        assert abs(crank - 2 * np.linalg.norm(middles[0]) * np.sin(angle / 2)) < 1e-12

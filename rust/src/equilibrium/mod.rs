@@ -14,6 +14,7 @@ pub mod steering;
 
 use nalgebra::DVector;
 
+use crate::constraint::closure::close;
 use crate::equilibrium::descent::{Descent, same_coordinates};
 use crate::equilibrium::distance::distance;
 use crate::equilibrium::local::{LONGEST_STEP, Local, Spectrum, moved, spectrum};
@@ -105,6 +106,8 @@ fn search(
     counts: &mut Counts,
 ) -> Result<Equilibrium> {
     let mut state = State { q: start.q.clone(), rate: Vec::new() };
+    // the place of other parameters, or another time of drives: forces may balance there with loops open
+    close(system, &mut state, effects, counts)?;
     let mut local = Local::at(system, &state, effects, counts)?;
     let (mut sigma, mut pushed, mut saddles) = (0.0, 0, 0);
     let mut best = (f64::INFINITY, state.clone());

@@ -82,12 +82,13 @@ impl Inverse {
     }
 }
 
-/// The largest error in the rates of the last step, in the units of the unknowns of this one. What equations are left with enters rates as it
-/// is, but the errors of steps mostly positions: those of rates are the smaller ones in these units.
+/// What a fixed step errs in its rates, in the units of the unknowns, as long as that adds up to no more than its positions err: what
+/// equations are left with enters rates as it is and adds up over the run, where fast decays forget the errors of their steps.
 fn rate_error(ahead: &Ahead<'_>, sizes: &Sizes) -> f64 {
     let Some((difference, factor)) = ahead.error else { return 0.0 };
-    let errors = difference.v.iter().zip(&sizes.sigma).map(|(v, s)| (factor * ahead.c * v / s).abs());
-    errors.fold(0.0, f64::max)
+    let largest =
+        |errors: &[f64]| errors.iter().zip(&sizes.sigma).fold(0.0_f64, |a, (e, s)| a.max((factor * e / s).abs()));
+    ahead.c * largest(&difference.v).min(largest(&difference.y) / ahead.time)
 }
 
 impl Corrector for Inverse {

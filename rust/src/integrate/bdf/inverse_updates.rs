@@ -85,13 +85,16 @@ impl StepSolver {
         Ok(())
     }
 
-    /// The norm to reach: a part of the motion within the step, but for fixed steps no less than a share of what they err.
-    fn tolerance(&self, step: &BdfStep<'_, '_>) -> f64 {
+    /// The norm to reach, a part of the motion within the step, and what passes short of it. For fixed steps a share of what they err is as
+    /// good: no less is asked for.
+    fn tolerance(&self, step: &BdfStep<'_, '_>) -> (f64, f64) {
         let moved = step.moved.iter().zip(&step.sizes.sigma);
         let size = moved.fold(0.0_f64, |a, (v, s)| a.max((v / s).abs()));
         // rounding of increments shows itself, where a fresh inverse gets no lower
         let floor = if step.sizes.kept.is_empty() { 0.0 } else { ROW_ROUNDING };
-        (self.solved * size).max(NOISE_SHARE * step.rate_error).clamp(floor, FIXED_SOLVED)
+        let (own, share) = ((self.solved * size).clamp(floor, FIXED_SOLVED), NOISE_SHARE * step.rate_error);
+        let goal = own.max(share.min(FIXED_SOLVED));
+        (goal, goal.max(NEAR * own))
     }
 
     /// The equations of a step: with the H there is, with a new one, with a new one and Broyden's update.
@@ -101,7 +104,8 @@ impl StepSolver {
             self.kept = None;
         }
         let goal = (n as f64).sqrt();
-        let solved = goal * self.tolerance(step);
+        let (solved, near) = self.tolerance(step);
+        let (solved, near) = (goal * solved, goal * near);
         let mut x = vec![0.0; n];
         let mut last = f64::INFINITY;
         for attempt in 0..3 {
@@ -116,8 +120,7 @@ impl StepSolver {
             let out = self.attempt(step, &x, family, solved)?;
             last = out.reached;
             // short of the goal only what a fresh inverse could not better either
-            let near = f64::max(NEAR * solved, 2.0 * self.floor);
-            if last <= near || attempt == 2 && last <= FIXED_SOLVED * goal {
+            if last <= f64::max(near, 2.0 * self.floor) || attempt == 2 && last <= FIXED_SOLVED * goal {
                 if attempt == 2 {
                     self.floor = last;
                 }

@@ -74,6 +74,8 @@ struct Ahead<'a> {
     h: f64,
     c: f64,
     t: f64,
+    /// of the whole run
+    time: f64,
 }
 
 impl Ahead<'_> {
@@ -216,7 +218,8 @@ impl Bdf {
         let (h, c) = (history.h, history.h / self.formula.alpha(self.order));
         let (chart, last) = (&history.chart, &history.d[0].y);
         let error = (history.equal > 0).then(|| (&history.d[self.order + 1], self.formula.error_constant(self.order)));
-        let ahead = Ahead { chart, from, last, guess, psi, error, h, c, t: from.motion.t + h };
+        let (t, time) = (from.motion.t + h, self.time);
+        let ahead = Ahead { chart, from, last, guess, psi, error, h, c, t, time };
         let trial = self.corrector.solve(eq, &ahead, counts)?;
         if let Some(record) = &mut self.record {
             let slopes = ahead.psi.v.iter().zip(&ahead.guess.v).zip(&trial.motion.rate);
