@@ -15,11 +15,11 @@ from .condensation import dense
 # Samples in a period: doubled until the coefficients of the upper half are rounding, or to the limit. Larger: seconds for a Python
 # function. Smaller: jumps alias more; what aliases is in the error. Pinned by `tests/nonlinear/test_function_forces.py`.
 _FEWEST, _MOST = 256, 16384
-# Coefficients below this part of the largest, each over the weight of its coordinate, are rounding of the transform. Larger: weak harmonics are lost. Smaller: rounding is kept as
-# force. Pinned by the same tests.
+# Coefficients below this part of the largest, each over the weight of its coordinate, are rounding of the transform. Larger: weak
+# harmonics are lost. Smaller: rounding is kept as force. Pinned by the same tests.
 _ROUNDING = 1e-13
-# A function whose ends of the period differ in a coordinate by more than this part of its size there does not repeat itself. Larger: a wrong period passes.
-# Smaller: sin(omega t) at large t is refused. Pinned by the same tests.
+# A function whose ends of the period differ in a coordinate by more than this part of its size there does not repeat itself. Larger: a
+# wrong period passes. Smaller: sin(omega t) at large t is refused. Pinned by the same tests.
 _REPEATS = 1e-9
 # Parts of the period at which that is asked: multiples of the golden section, where jumps do not lie.
 _PARTS = [(k * 0.618033988749895) % 1.0 for k in range(1, 6)]
