@@ -50,7 +50,7 @@ class PeriodicSolution(FourierMotion, Result):
         Excitation frequency, rad/s.
     error
         Estimate of the truncation error relative to the largest coefficient of the coordinates that are solved for: one
-        Newton step on more harmonics and samples.
+        Newton step on more harmonics and samples, and the linear answer to the laws' forces in the harmonics beyond.
     status
         "converged", or "unresolved" where ``error`` exceeds the tolerance (0.1 unless ``tol`` was given).
     """
