@@ -14,6 +14,7 @@ import mbrs as mb
 import numpy as np
 import pytest
 from mbrs._lib.files import write_atomic
+from mbrs.errors import FileError
 
 WRITER = """
 import sys, mbrs as mb
@@ -107,7 +108,7 @@ def test_permissions_are_kept_and_new_files_have_the_usual_ones(tmp_path):
 
 
 def test_failures_leave_nothing_behind(tmp_path, monkeypatch):
-    with pytest.raises(FileNotFoundError):
+    with pytest.raises(FileError, match=r"cannot write .*absent.*folder that is there"):
         write_atomic(tmp_path / "absent" / "a", b"x")
     (tmp_path / "folder").mkdir()
     with pytest.raises(OSError):

@@ -21,6 +21,13 @@ class DuplicateNameError(ModelError):
     """A name that is already taken in this model."""
 
 
+class FileError(MbrsError, OSError):
+    """A file cannot be written; ``filename``, ``errno`` and ``strerror`` are those of the operating system."""
+
+    def __str__(self) -> str:
+        return f"cannot write {self.filename}: {self.strerror}; give a path in a folder that is there, may be written and has room"
+
+
 class InertiaError(ModelError):
     """A mass or an inertia that no body can have."""
 

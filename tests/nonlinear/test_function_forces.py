@@ -21,7 +21,7 @@ def test_the_series_of_a_function_is_its_closed_form():
     from scipy.special import iv
 
     omega = 1.37
-    found = harmonics_of(lambda t: [np.exp(np.cos(omega * t)), np.sin(3 * omega * t)], 2, omega)
+    found = harmonics_of(lambda t: [np.exp(np.cos(omega * t)), np.sin(3 * omega * t)], np.ones(2), omega)
     for h, f in found.items():
         assert abs(f[0] - (2 if h else 1) * iv(h, 1.0)) < 1e-14
         assert abs(f[1] - (-1j if h == 3 else 0)) < 1e-13
@@ -100,3 +100,37 @@ def test_wrong_functions_are_named(force, what):
         mb.harmonic_balance(system(), force=force, omega=1.0)
     with pytest.raises(ModelError, match="harmonic_balance"):
         mb.frequency_response(system(), force=force, omega=(0.5, 1.0))
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_units_of_coordinates_do_not_decide(seed):
+    """x = S y with one coordinate in other units: the same error, the same number of harmonics, the same refusals."""
+    rng = np.random.default_rng(seed)
+    omega, wave = rng.uniform(0.4, 0.8), rng.uniform(5, 20)
+    root = rng.normal(size=(2, 2))
+    stiffness, mass = np.diag([2.0, 40.0]) + 0.02 * (root + root.T), np.diag(rng.uniform(0.5, 2.0, 2))
+    phases = rng.uniform(0, 2 * np.pi, 9)
+
+    def answers(S):
+        law = mb.Cubic(0.3, w=S @ [1.0, 0.0])
+        s = mb.MechanicalSystem(S @ mass @ S, 0.02 * S @ stiffness @ S, S @ stiffness @ S, elements=[law])
+        tones = lambda t: wave * sum(np.cos(h * omega * t + p) / h for h, p in enumerate(phases, 1))  # noqa: E731
+        force = lambda t: S @ [0.5 * np.cos(omega * t), tones(t)]  # noqa: E731
+        one = mb.harmonic_balance(s, force=force, omega=omega, harmonics=4, tol=1e-3)
+        fine = mb.harmonic_balance(s, force=force, omega=omega, harmonics="auto", tol=1e-3)
+        with pytest.raises(ModelError, match="does not repeat"):
+            mb.harmonic_balance(s, force=lambda t: S @ [0.5 * np.cos(omega * t), np.cos(1.3 * omega * t)], omega=omega)
+        return one.error, fine.error, fine.harmonics[-1]
+
+    given = answers(np.eye(2))
+    for i, power in (
+        (0, rng.uniform(4, 11)),
+        (0, -rng.uniform(4, 11)),
+        (1, rng.uniform(4, 11)),
+        (1, -rng.uniform(4, 11)),
+    ):
+        S = np.eye(2)
+        S[i, i] = 10.0**power
+        error, fine, top = answers(S)
+        assert top == given[2]
+        assert error == pytest.approx(given[0], rel=1e-6) and fine == pytest.approx(given[1], rel=1e-6)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -56,6 +57,17 @@ def _one(name: str, value: Any) -> float | None:
         return None if isinstance(value, bool | np.bool_) else float(real_array(name, value, ()))
     except ModelError:
         return None
+
+
+def path(name: str, value: Any) -> Path:
+    """The path of a file."""
+    try:
+        made = Path(value)
+        if "\0" in str(made):
+            raise ValueError("a null byte")
+    except UNFIT:
+        raise ModelError(f"{name} must be the path of a file, text or pathlib.Path, it is {shown(value)}") from None
+    return made
 
 
 def flag(name: str, value: Any) -> bool:
@@ -127,9 +139,11 @@ def two_ends(name: str, value: Any, of: str = "numbers") -> tuple[float, float]:
     return float(low), float(high)
 
 
-def sized_array(name: str, value: Any, shape: Sequence[int | str] | None = None, largest: float = 1e60) -> np.ndarray:
+def sized_array(
+    name: str, value: Any, shape: Sequence[int | str] | None = None, largest: float = 1e60, give: str = ""
+) -> np.ndarray:
     """An array of real numbers of sizes whose products can still be computed with."""
-    array = real_array(name, value, shape)
+    array = real_array(name, value, shape, give)
     if np.max(np.abs(array), initial=0.0) > largest:
         raise ModelError(f"{name} must not exceed {largest:g}; check the units")
     return array

@@ -8,6 +8,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import BinaryIO
 
+from ..errors import FileError
+from . import checks
+
 __all__ = ["write_atomic"]
 
 
@@ -16,9 +19,16 @@ def write_atomic(path: str | Path, data: bytes | Callable[[BinaryIO], None]) -> 
 
     The bytes, or what a function writes that should not be in memory twice, go to a temporary file in the same folder, are flushed to
     the disk, and take the name at once. A link of that name is replaced by the file; what it pointed to stays as it is. Permissions of
-    an old file are kept. Raises `OSError`.
+    an old file are kept. Raises `FileError`.
     """
-    path = Path(path)
+    path = checks.path("path", path)
+    try:
+        return _written(path, data)
+    except OSError as reason:
+        raise FileError(reason.errno, reason.strerror or str(reason), str(path)) from reason
+
+
+def _written(path: Path, data: bytes | Callable[[BinaryIO], None]) -> Path:
     descriptor, name = tempfile.mkstemp(prefix=f".{path.name[:100]}.", suffix=".tmp", dir=path.parent)
     try:
         with os.fdopen(descriptor, "wb") as file:

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
 from ..errors import ModelError, OmissionWarning
+from . import checks
 from .warning import warn_user
 
 __all__ = ["Format", "Omission", "find", "known", "load_with", "open_file", "register", "warn_of_omissions"]
@@ -97,7 +98,8 @@ def known(holds: Holds, action: Literal["read", "write"]) -> tuple[str, ...]:
 def find(path: str | Path, holds: Holds, action: Literal["read", "write"]) -> Format:
     """The format of a file; a `ModelError` lists the known endings."""
     _load()
-    name, ending = Path(path).name, Path(path).suffix.lower()
+    path = checks.path("path", path)
+    name, ending = path.name, path.suffix.lower()
     found = _FORMATS.get((holds, ending))
     if found is not None and getattr(found, action) is not None:
         return found

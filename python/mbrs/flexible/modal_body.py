@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 
 from .._lib.checks import names, shown, sized_array
+from .._lib.checks import path as path_of
 from .._lib.files import write_atomic
 from .._lib.rotations import skew
 from .._lib.text import number, table
@@ -292,7 +293,7 @@ class ModalBody:
             raise ModelError(
                 "this body depends on parameters of a model: save the model, or a body that was built of numbers"
             )
-        path = Path(path)
+        path = path_of("path", path)
         path = path if path.suffix == ".npz" else path.with_name(path.name + ".npz")
         kept = {name: getattr(self, name) for name in _saved()}
         kept["nodes"] = np.array(self.nodes, dtype=np.str_)

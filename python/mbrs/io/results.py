@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 
+from .._lib import checks
 from .._lib.formats import Format, find, register
 from .._lib.records import FUNCTIONS, HOMES
 from .._lib.result_files import FORMAT, MARK, WRITERS, write_file
@@ -164,7 +165,7 @@ def load(path: str | Path, *, functions: bool = False) -> Any:
     >>> bool((again.frequency == modes.frequency).all())
     True
     """
-    path = Path(path)
+    path = checks.path("path", path)
     ending = path.suffix.lower()
     if ending == ".pkl":
         raise ModelError(f"{path.name}: a pickle can run any program; if you made it yourself, use pickle.load")

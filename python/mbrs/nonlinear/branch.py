@@ -14,14 +14,14 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from .. import _core
-from .._lib.checks import shown, two_ends
+from .._lib.checks import positive, real_number, shown, two_ends
 from .._lib.progress import Progress
 from ..errors import ConvergenceError, Interrupted, MbrsError, ModelError, SingularError
 from ..results import Stats
 from . import balance
 from .branch_options import BranchOptions, first_set, one_of_each, range_and_level
-from .branch_points import STATUS, BranchPoint, Chunks, Event, resolved, truncation
-from .options import MOST_HARMONICS, Continuation, Fourier, Newton
+from .branch_points import STATUS, BranchPoint, Chunks, Event, checked_event, resolved, truncation
+from .options import MOST_HARMONICS, Continuation, Fourier, Newton, point_number, points
 from .periodic import effects_of, first_solution
 from .response_curve import FrequencyResponse, Part, known_stability
 from .system import as_system
@@ -250,6 +250,9 @@ class Branch(Iterator[BranchPoint]):
 
     def run(self, max_points: int = 1, seconds: float = np.inf) -> int:
         """Adds up to ``max_points`` points, within about ``seconds``; returns how many. `status` says why none came."""
+        points(max_points, least=0)
+        if seconds is not np.inf:
+            seconds = real_number("seconds", seconds, 0.0)
         known = len(self.chunks)
         while len(self.chunks) < known + max_points and self.status == "going" and seconds > 0:
             if self._core is None:
@@ -465,7 +468,8 @@ class Branch(Iterator[BranchPoint]):
         At the point [dR/dy, dR/dp] has two null vectors; the new branch leaves along the one that is orthogonal to
         this branch.
         """
-        if event.second_frequency is not None:
+        size = positive("size", size)
+        if checked_event(event).second_frequency is not None:
             raise ModelError(
                 f"no branch of periodic motions leaves at {event}: what begins there has a second frequency, "
                 f"{event.second_frequency:.6g} rad/s at first (event.second_frequency), which no force gives and which changes along "
@@ -522,6 +526,7 @@ class Branch(Iterator[BranchPoint]):
 
     def point(self, i: int) -> BranchPoint:
         """The point with this number."""
+        i = point_number(i, len(self.chunks))
         stable = float(self.chunks.stable()[i])
         for setup, part in self.chunks.parts:
             if i < len(part["p"]):

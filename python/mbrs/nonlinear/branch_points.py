@@ -9,6 +9,8 @@ from typing import Any
 
 import numpy as np
 
+from .._lib.checks import shown
+from ..errors import ModelError
 from . import balance
 
 STATUS = {"end": "converged", "start": "left-at-start", "stalled": "stopped", "interrupted": "interrupted"}
@@ -68,6 +70,13 @@ class Event:
         if self.value is not None:
             return f"{self.kind} at value = {self.value:.10g}, omega = {self.omega:.6g} rad/s"
         return f"{self.kind} at omega = {self.omega:.10g} rad/s, level = {self.level:.6g}"
+
+
+def checked_event(event: Any) -> Event:
+    """An event, or `ModelError`."""
+    if not isinstance(event, Event):
+        raise ModelError(f"event must be one of those in .events of the branch or curve, it is {shown(event)}")
+    return event
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from .._lib.checks import sized_array
 from .displacement import displacement_coefficients
 
 
@@ -33,6 +34,6 @@ class FourierMotion:
         X = self.X if dof is None else displacement_coefficients(self.X, self.system, dof)[None, :]
         w = self.term_frequencies()
         c = (X[:, 1::2] - 1j * X[:, 2::2]) * (1j * w) ** derivative
-        x = (c @ np.exp(1j * np.outer(w, np.atleast_1d(np.asarray(t, float))))).real
+        x = (c @ np.exp(1j * np.outer(w, sized_array("t", t, give="give times in s")))).real
         x = x if derivative else x + X[:, :1]
         return x if dof is None else x[0]

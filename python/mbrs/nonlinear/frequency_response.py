@@ -14,7 +14,7 @@ from . import balance
 from .branch import BRANCH_DEFAULTS, Branch, interrupted, takes_branch_options
 from .branch_options import BranchOptions
 from .branch_points import filled_up, truncation
-from .options import Fourier
+from .options import Fourier, points
 from .periodic import effects_of, harmonic_balance
 from .response_curve import FrequencyResponse, Part, known_stability
 from .system import as_system
@@ -100,7 +100,7 @@ def frequency_response(
     ['fold 1.26960', 'fold 1.11570']
     """
     started = perf_counter()
-    most = checks.count("max_points", max_points, 10_000_000)
+    most = points(max_points)
     if progress is not None:
         progress = checks.flag("progress", progress)
     w: Any = options.get("omega") if options.get("frequency") is None else options.get("frequency")

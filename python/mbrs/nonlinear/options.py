@@ -24,6 +24,8 @@ UNRESOLVED = LARGEST_ERROR
 AUTOMATIC = 1e-6
 # Step along a branch that is certainly a mistake: the whole curve has about the length 1.
 LARGEST_STEP = 10.0
+# of a branch: beyond, they hardly fit into memory
+MOST_POINTS = 10_000_000
 
 
 @dataclass(frozen=True)
@@ -153,6 +155,16 @@ def _bounded(top: int) -> None:
             f"harmonics up to {checks.shown(top)} (of the excitation frequency over subharmonic) are too many; "
             f"take at most {HIGHEST}, or a sequence of those that matter"
         )
+
+
+def points(value: Any, least: int = 1) -> int:
+    """``max_points``, checked."""
+    return checks.count("max_points", value, MOST_POINTS, least)
+
+
+def point_number(value: Any, n: int) -> int:
+    """The number of one of n points, of which -1 is the last."""
+    return checks.count("the number of a point", value, n - 1, -n) % n
 
 
 def integer(name: str, value: Any) -> int:

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
 
-from .._lib import checks
 from .._lib.checks import shown
 from ..errors import ModelError
 from ..model.book import Book
@@ -18,8 +17,8 @@ from ..results import Result, quantity, result
 from . import balance
 from .branch import BRANCH_DEFAULTS, Branch, interrupted, takes_branch_options
 from .branch_options import BranchOptions
-from .branch_points import Event
-from .options import integer
+from .branch_points import Event, checked_event
+from .options import point_number, points
 from .periodic import PeriodicSolution
 from .response_curve import FrequencyResponse
 from .system import as_system
@@ -48,6 +47,7 @@ class ParameterResponse(FrequencyResponse):
 
     def point(self, i: int) -> PeriodicSolution:
         """The solution number ``i`` by itself, with the system of its value."""
+        i = point_number(i, len(self))
         return self._with_system(super().point(i), float(self.value[i]), float(self.level[i]))
 
     @property
@@ -61,7 +61,8 @@ class ParameterResponse(FrequencyResponse):
 
     def place(self, event: Event) -> float:
         """Abscissa of an event."""
-        return float("nan") if event.value is None else event.value
+        value = checked_event(event).value
+        return float("nan") if value is None else value
 
     def at(self, event: Event) -> PeriodicSolution:
         """The motion at an event, with the system there."""
@@ -84,7 +85,7 @@ class ParameterResponse(FrequencyResponse):
             raise ModelError(
                 "this branch cannot go on: its systems came from a function that cannot be imported; define it in a module"
             )
-        most = len(self.branch.chunks) + integer("max_points", max_points)
+        most = len(self.branch.chunks) + points(max_points)
         return _followed(self.branch, most, self.name, self.stats.wall_time)
 
     def _span(self) -> str:
@@ -152,7 +153,7 @@ def parameter_response(
     'converged'
     """
     started = perf_counter()
-    most = checks.count("max_points", max_points, 10_000_000)
+    most = points(max_points)
     made = _family(system, parameter, options)
     branch = Branch(None, family=made, value=value, **options)
     return _followed(branch, most, parameter or "value", perf_counter() - started)

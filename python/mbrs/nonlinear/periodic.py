@@ -16,7 +16,7 @@ from . import balance, condensation
 from .displacement import displacement_coefficients, label
 from .fourier import FourierMotion
 from .options import MOST_HARMONICS, Fourier, Newton
-from .sampled_force import cut, harmonics_of, linear_size
+from .sampled_force import cut, harmonics_of, linear_size, weights_of
 from .settled_start import settled
 
 if TYPE_CHECKING:
@@ -50,7 +50,7 @@ class PeriodicSolution(FourierMotion, Result):
         Excitation frequency, rad/s.
     error
         Estimate of the truncation error relative to the largest coefficient of the coordinates that are solved for: one
-        Newton step on more harmonics and samples.
+        Newton step on more harmonics and samples, and the linear answer to the laws' forces in the harmonics beyond.
     status
         "converged", or "unresolved" where ``error`` exceeds the tolerance (0.1 unless ``tol`` was given).
     """
@@ -476,14 +476,15 @@ def _automatic(system: Any, force: Any, omega: float, fourier: Fourier, newton: 
 def _of_function(system: Any, force: Any, omega: float, fourier: Fourier, newton: Newton, x0: Any) -> PeriodicSolution:
     """A force f(t), transformed; the answer of the linear part to harmonics that are not kept is added to the error."""
     balance.checked_system(system)
-    series = harmonics_of(force, system.n, omega)
+    weights = weights_of(system, omega)
+    series = harmonics_of(force, weights, omega)
     nu, limit = fourier.subharmonic, fourier.limit()
     one = fourier.but(harmonics=3 * nu) if fourier.automatic else fourier
     while True:
         inside, outside = cut(series, {h // nu for h in one.terms if h % nu == 0})
         found = _periodic(system, inside, omega, one, newton, x0)
-        largest = float(np.max(np.abs(found.X), initial=0.0))
-        missed = linear_size(system, outside, omega) if outside else 0.0
+        largest = float(np.max(np.abs(found.X) * weights[:, None], initial=0.0))
+        missed = linear_size(system, outside, weights, omega) if outside else 0.0
         error = found.error + (missed / largest if largest else float(missed > 0.0))
         top: Any = one.harmonics
         if not fourier.automatic or error <= limit or top >= MOST_HARMONICS:

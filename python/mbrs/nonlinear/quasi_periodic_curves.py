@@ -19,7 +19,7 @@ from ..results import Result, Stats, derived, quantity, result
 from . import balance
 from .branch_points import MEANING, STATUS
 from .displacement import label
-from .options import UNRESOLVED, Continuation
+from .options import UNRESOLVED, Continuation, point_number, points
 from .periodic import effects_of
 from .quasi_periodic import MOST_AUTOMATIC, sources_of, torus_terms
 from .quasi_periodic_solution import QuasiPeriodicSolution
@@ -110,6 +110,7 @@ class QuasiPeriodicResponse(Result):
 
     def point(self, i: int) -> QuasiPeriodicSolution:
         """One solution by itself."""
+        i = point_number(i, len(self))
         one = _solution(self, self.X[i], self.omega[i], float(self.level[i]), float(self.error[i]))
         if self.family is not None and self.value is not None:
             one = one.replaced(system=self.family(float(self.value[i])))
@@ -213,7 +214,7 @@ def quasi_periodic_response(
     # the exponents of a motion on a torus are not computed
     steps = Continuation(predictor, corrector, step, min_step, max_step, tolerance, stability=False)
     automatic, limit = fourier.automatic, fourier.limit()
-    most = checks.count("max_points", max_points, 10_000_000)
+    most = points(max_points)
     if callable(system):
         if at is not None or tuple(without):
             raise ModelError("at= and without= are for models; a function of the value returns matrices")

@@ -13,9 +13,9 @@ from .._lib.text import Block, table
 from ..errors import ModelError
 from ..results import Result, derived, quantity, result
 from . import balance
-from .branch_points import MEANING, Event
+from .branch_points import MEANING, Event, checked_event
 from .displacement import displacement_coefficients, label, weigh, weights
-from .options import integer
+from .options import point_number, points
 from .periodic import PeriodicSolution
 
 if TYPE_CHECKING:
@@ -148,6 +148,7 @@ class FrequencyResponse(Result):
 
     def place(self, event: Event) -> float:
         """Abscissa of an event."""
+        checked_event(event)
         if self.varies == "level":
             return event.level
         return event.omega if self.over == "omega" else event.frequency
@@ -210,15 +211,16 @@ class FrequencyResponse(Result):
 
     def event_amplitude(self, event: Event, dof: Displacement = 0, harmonic: int | None = 1) -> float:
         """The same of the motion at an event."""
-        x = displacement_coefficients(event.X, self.system, dof)
+        x = displacement_coefficients(checked_event(event).X, self.system, dof)
         if harmonic is None:
             return float(_largest(x[None, :], 256)[0])
-        if 2 * harmonic >= len(x):
+        if 2 * balance.whole("harmonic", harmonic) >= len(x):
             return 0.0
         return float(abs(x[0]) if harmonic == 0 else np.hypot(x[2 * harmonic - 1], x[2 * harmonic]))
 
     def point(self, i: int) -> PeriodicSolution:
         """The solution number ``i`` by itself."""
+        i = point_number(i, len(self))
         part, k = self._part_of(i)
         return self._solution(
             part.setup, float(self.omega[i]), float(self.level[i]), part.expanded(k), float(self.error[i])
@@ -299,7 +301,7 @@ class FrequencyResponse(Result):
         if self.branch is None:
             raise ModelError("this curve has no branch to go on with: a set of frequencies has none; give a range")
         started = perf_counter()
-        self.branch.follow(len(self.branch.chunks) + integer("max_points", max_points), None)
+        self.branch.follow(len(self.branch.chunks) + points(max_points), None)
         made: FrequencyResponse = self.branch.curve(perf_counter() - started + self.stats.wall_time)
         return made
 

@@ -4,6 +4,7 @@ pub mod band_order;
 pub mod banded;
 pub mod banded_roots;
 pub mod complex_lanes;
+pub mod complex_solve;
 pub mod dense;
 pub mod double_double;
 pub mod eigen;

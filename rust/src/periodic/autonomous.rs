@@ -5,6 +5,7 @@ use faer::prelude::*;
 use super::aft::derivative;
 use super::basis::Finer;
 use super::problem::{Parameter, Problem};
+use super::tail::Tail;
 use crate::error::Result;
 use crate::run::Cancel;
 use crate::solve::newton::{self, Options, Outcome};
@@ -89,6 +90,7 @@ pub fn solve(problem: &mut Problem, z: &mut [f64], free: usize, options: Options
 pub fn estimate(problem: &Problem, z: &[f64], free: usize, finer: &Finer) -> Result<f64> {
     let n = z.len() - 1;
     let mut larger = problem.on(problem.basis.extended(&finer.extra), &finer.dims)?;
+    let mut tail = Tail::new(&mut larger);
     let size = larger.size();
     let mut extended = vec![0.0; size + 1];
     extended[..n].copy_from_slice(&z[..n]);
@@ -96,7 +98,7 @@ pub fn estimate(problem: &Problem, z: &[f64], free: usize, finer: &Finer) -> Res
     let mut cycle = Cycle::new(&mut larger, &extended[..size], free);
     let mut out = Linearisation::new(size + 1);
     cycle.linearise(&extended, 0.0, &mut out)?;
-    let rounding = larger.row_rounding(&extended[..size]);
+    let rounding = cycle.problem.row_rounding(&extended[..size]);
     let mut step = faer::Mat::from_fn(size + 1, 2, |i, column| match column {
         0 => out.residual[i],
         _ => rounding.get(i).copied().unwrap_or(0.0),
@@ -109,5 +111,8 @@ pub fn estimate(problem: &Problem, z: &[f64], free: usize, finer: &Finer) -> Res
         let coefficients = (0..size).map(|i| (step[(i, column)] * weight(i)).powi(2)).sum::<f64>().sqrt();
         coefficients / largest + (step[(size, column)] / z[n]).abs()
     };
-    Ok(change(0) + change(1))
+    let Cycle { problem: larger, inner, .. } = cycle;
+    let beyond = tail.amplitudes(larger, inner.jacobian.as_ref(), &weights)?;
+    let left_out = nan_or_largest(beyond.iter().zip(&weights).map(|(amplitude, w)| amplitude * w)) / largest;
+    Ok(change(0) + change(1) + left_out)
 }

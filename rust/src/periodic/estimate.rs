@@ -1,5 +1,6 @@
 //! How far a truncated solution may be off: one Newton step on a larger set of terms and a finer grid, started at the solution.
 //!
+//! Terms beyond the larger set that its samples resolve count with the linear answer to the laws' forces there (`tail`).
 //! The step holds both the omitted terms and what they change in the retained ones, and through the finer grid the aliasing. What rounding of
 //! the equations may change is added: a step by eps times the sizes of what their rows are summed of.
 //! Source: docs/theory.md (11.9).
@@ -7,11 +8,13 @@ use faer::prelude::*;
 
 use super::basis::Finer;
 use super::problem::{Parameter, Problem};
+use super::tail::Tail;
 use crate::error::Result;
 use crate::solve::{Curve as _, Linearisation, nan_or_largest};
 
 pub struct Estimator {
     larger: Problem,
+    tail: Tail,
     out: Linearisation,
     y: Vec<f64>,
 }
@@ -59,9 +62,9 @@ impl Estimate {
 
 impl Estimator {
     pub fn new(problem: &Problem, finer: &Finer) -> Result<Estimator> {
-        let larger = problem.on(problem.basis.extended(&finer.extra), &finer.dims)?;
-        let n = larger.size();
-        Ok(Estimator { larger, out: Linearisation::new(n), y: vec![0.0; n] })
+        let mut larger = problem.on(problem.basis.extended(&finer.extra), &finer.dims)?;
+        let (n, tail) = (larger.size(), Tail::new(&mut larger));
+        Ok(Estimator { larger, tail, out: Linearisation::new(n), y: vec![0.0; n] })
     }
 
     pub fn factorisations(&self) -> u64 {
@@ -88,7 +91,9 @@ impl Estimator {
         let n = problem.n();
         let weights = problem.weights();
         let largest = nan_or_largest(amplitudes(y, n).zip(weights.iter().cycle()).map(|(a, w)| a * w));
-        let deviations = coordinate_sums(step, n);
+        let mut deviations = coordinate_sums(step, n);
+        let beyond = self.tail.amplitudes(&mut self.larger, self.out.jacobian.as_ref(), &weights)?;
+        deviations.iter_mut().zip(&beyond).for_each(|(sum, b)| *sum += b);
         if largest == 0.0 && step.iter().all(|x| *x == 0.0) {
             return Ok(Estimate { deviations, ..Estimate::default() });
         }

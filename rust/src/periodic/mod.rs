@@ -30,5 +30,6 @@ pub mod response;
 pub mod rows;
 mod scales;
 pub mod start;
+mod tail;
 pub mod tangents;
 pub mod truncation;

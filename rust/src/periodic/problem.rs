@@ -48,6 +48,8 @@ pub struct Problem {
     coefficients: Vec<f64>,
     /// per element the largest coefficient of each of its forces at the last evaluation
     pushes: Vec<Vec<f64>>,
+    /// forces of the elements at the last evaluation in the terms that the samples resolve beyond the basis, term by term, where asked for
+    tail: Vec<c64>,
     /// the first element whose force was not finite at the last evaluation
     pub broken: Option<usize>,
     /// the last element of which that was true at any evaluation since this was cleared
@@ -74,6 +76,7 @@ impl Problem {
             blocks: Blocks::new(basis.n_harmonics() + 1, n),
             coefficients: Vec::new(),
             pushes: elements.iter().map(|e| vec![0.0; e.directions.len()]).collect(),
+            tail: Vec::new(),
             n,
             aft,
             basis,
@@ -125,6 +128,18 @@ impl Problem {
     /// Samples per dimension.
     pub fn dims(&self) -> Vec<usize> {
         self.aft.dims().to_vec()
+    }
+
+    /// Forces also in the terms that the samples resolve beyond the basis, whose index vectors come back.
+    pub fn resolve_tail(&mut self) -> Vec<Vec<i32>> {
+        let indices = self.aft.resolve_tail(&self.basis);
+        self.tail = vec![c64::new(0.0, 0.0); indices.len() * self.n];
+        indices
+    }
+
+    /// Those forces at the last evaluation, n per term.
+    pub fn tail(&self) -> &[c64] {
+        &self.tail
     }
 
     /// Retained coordinates.
@@ -354,6 +369,7 @@ impl Problem {
             let own = a * n_c..(a + 1) * n_c;
             let (force, force_slope) = (&self.aft.force[own.clone()], &self.aft.force_slope[own]);
             self.pushes[e][a] = largest(force);
+            add_tail(direction, &self.aft.tail.force[a * self.aft.tail.len()..], n, &mut self.tail);
             for &(i, wi) in direction {
                 for (row, f) in force.iter().enumerate() {
                     out.residual[row * n + i] += wi * f;
@@ -381,6 +397,7 @@ impl Problem {
             out.jacobian.fill(0.0);
         }
         self.add_linear(y, &slope, out, want);
+        self.tail.fill(c64::new(0.0, 0.0));
         for e in 0..self.elements.len() {
             self.add_element(e, y, &frequency, &slope, out, want)?;
         }
@@ -431,6 +448,15 @@ impl Problem {
             }
         }
         Ok(out)
+    }
+}
+
+/// Adds the force along a direction, term by term.
+fn add_tail(direction: &[(usize, f64)], force: &[c64], n: usize, out: &mut [c64]) {
+    for (force, out) in force.iter().zip(out.chunks_exact_mut(n)) {
+        for &(i, w) in direction {
+            out[i] += w * force;
+        }
     }
 }
 

@@ -7,6 +7,9 @@
 //! Laws with sliders are marched over two periods, the derivative of each sample carried along; the second period counts. States
 //! with a rate are those of a periodic motion (`periodic_state`). A law of m coordinates has m forces and m x m blocks of Jacobians.
 //! Source: docs/theory.md (11.4), (11.5); T. M. Cameron, J. H. Griffin, J. Appl. Mech. 56 (1989) 149-154.
+mod march;
+mod tail;
+
 use num_complex::Complex64 as c64;
 use num_dual::Dual64;
 
@@ -17,6 +20,8 @@ use super::periodic_state::{Change, PeriodicState, Samples};
 use super::ramps::{Contact, Ramp};
 use crate::error::Result;
 use crate::force::AnyLaw;
+use march::March;
+use tail::Tail;
 
 /// Plans, tables and scratch of one thread. Coefficients are [a0, a1, b1, a2, b2, ...].
 pub struct Aft {
@@ -44,6 +49,8 @@ pub struct Aft {
     motion: Vec<f64>,
     /// of a contact, n_c x n_c by rows
     product: Vec<f64>,
+    /// Forces in the terms beyond those of the basis, where they are asked for.
+    pub tail: Tail,
     /// Force coefficients, (m, n_c).
     pub force: Vec<f64>,
     /// Derivative of `force` along the parameter that moves the frequencies, (m, n_c).
@@ -52,14 +59,6 @@ pub struct Aft {
     pub jacobian: Vec<f64>,
     /// The part of the force that multiplies the rate: matrix of df/dv, (m, m) blocks n_c x n_c by rows (for stability).
     pub damping: Vec<f64>,
-}
-
-/// Tables of the march of laws with memory (periodic motion only).
-struct March {
-    /// basis functions at the samples, n_samples x n_c by rows
-    gamma: Vec<f64>,
-    /// d samples / d coefficients, one contiguous column of samples each
-    columns: Vec<f64>,
 }
 
 /// What `Aft::element` is to compute.
@@ -103,6 +102,7 @@ impl Aft {
             terms: if dims.len() == 1 { basis.indices.iter().map(|k| k[0]).collect() } else { Vec::new() },
             motion: vec![0.0; n_c],
             product: Vec::new(),
+            tail: Tail::default(),
             force: vec![0.0; n_c],
             force_slope: vec![0.0; n_c],
             jacobian: vec![0.0; n_c * n_c],
@@ -119,6 +119,13 @@ impl Aft {
             *phase += half * basis.subharmonic;
         }
         aft
+    }
+
+    /// Every force also in the terms beyond those of the basis that the samples resolve; their index vectors come back.
+    pub fn resolve_tail(&mut self, basis: &Basis) -> Vec<Vec<i32>> {
+        let (tail, indices) = Tail::new(basis, self.grid.dims());
+        self.tail = tail;
+        indices
     }
 
     /// Samples per dimension.
@@ -247,8 +254,8 @@ impl Aft {
                 contact.add_means(ramp.slope, &mut self.f_u);
                 continue;
             }
-            let top = terms.iter().map(|k| 2 * k.unsigned_abs() as usize).max().unwrap_or(0);
-            let chi = contact.spectrum(top);
+            let most = terms.iter().map(|k| k.unsigned_abs() as usize).max().unwrap_or(0);
+            let chi = contact.spectrum(most + most.max(self.tail.top()));
             let coefficient = |l: i32| {
                 let c = chi[l.unsigned_abs() as usize];
                 if l < 0 { c.conj() } else { c }
@@ -261,6 +268,7 @@ impl Aft {
                 let sum: f64 = product.iter().zip(&self.motion).map(|(p, u)| p * u).sum();
                 self.force[row] += ramp.slope * (sum - product[0] * ramp.at);
             }
+            self.tail.add_ramp(ramp, coefficient, terms, &self.motion);
             if want == Want::Jacobian {
                 self.jacobian.iter_mut().zip(&self.product).for_each(|(j, p)| *j += ramp.slope * p);
             }
@@ -416,9 +424,11 @@ impl Aft {
 
     fn analyse_force(&mut self) {
         let n = self.phase.len();
+        self.tail.force.clear();
         for (f, force) in self.f.chunks_exact(n).zip(self.force.chunks_exact_mut(self.n_c)) {
             self.grid.analyse(f, &mut self.spectrum);
             collect(&self.slots, &self.spectrum, force);
+            self.tail.collect(&self.spectrum);
         }
     }
 
@@ -443,65 +453,6 @@ impl Aft {
         let n = self.phase.len();
         let own = (force * self.m + by) * n..(force * self.m + by + 1) * n;
         (&self.f_u[own.clone()], &self.f_v[own])
-    }
-}
-
-impl March {
-    fn new(basis: &Basis, n: usize) -> March {
-        let n_c = basis.n_coefficients();
-        let mut gamma = vec![1.0; n * n_c];
-        for j in 0..n {
-            for (h, k) in basis.indices.iter().enumerate() {
-                let phase = std::f64::consts::TAU * f64::from(k[0]) * j as f64 / n as f64;
-                gamma[j * n_c + 2 * h + 1] = phase.cos();
-                gamma[j * n_c + 2 * h + 2] = phase.sin();
-            }
-        }
-        March { gamma, columns: vec![0.0; n * n_c] }
-    }
-
-    /// u and v at the samples by one coefficient.
-    fn motion(&self, c: usize, frequency: &[f64], n_c: usize, (u, v): (&mut [f64], &mut [f64])) {
-        for (j, u) in u.iter_mut().enumerate() {
-            *u = self.gamma[j * n_c + c];
-        }
-        // cos' = -w sin, sin' = w cos
-        let (other, factor) = match c {
-            0 => (0, 0.0),
-            c if c % 2 == 1 => (c + 1, -frequency[c / 2]),
-            c => (c - 1, frequency[c / 2 - 1]),
-        };
-        for (j, v) in v.iter_mut().enumerate() {
-            *v = factor * self.gamma[j * n_c + other];
-        }
-    }
-
-    /// One memory over two periods from its start; adds force and columns of the second one.
-    fn slider(&mut self, law: AnyLaw, (p, start): (&[f64], f64), u: &[f64], f: &mut [f64], n_c: usize) {
-        let n = u.len();
-        let pd: Vec<Dual64> = p.iter().map(|&x| Dual64::from(x)).collect();
-        let (mut z, mut dz) = (start, vec![0.0; n_c]);
-        for step in 0..2 * n {
-            let j = step % n;
-            let mut new = [Dual64::from(0.0)];
-            let by_u = law.force(Dual64::new(u[j], 1.0), Dual64::from(0.0), &pd, &[Dual64::from(z)], &mut new);
-            let z_u = new[0];
-            let by_z = law.force(Dual64::from(u[j]), Dual64::from(0.0), &pd, &[Dual64::new(z, 1.0)], &mut new);
-            let z_z = new[0].eps;
-            let gamma = &self.gamma[j * n_c..][..n_c];
-            if step >= n {
-                f[j] += by_u.re;
-                for c in 0..n_c {
-                    self.columns[c * n + j] += by_u.eps * gamma[c] + by_z.eps * dz[c];
-                }
-            }
-            if z_u.eps != 0.0 || z_z != 1.0 {
-                for c in 0..n_c {
-                    dz[c] = z_u.eps * gamma[c] + z_z * dz[c];
-                }
-            }
-            z = z_u.re;
-        }
     }
 }
 
