@@ -80,7 +80,7 @@ def prepare(
         )
         breaks = _core.motion_breaks(snapshot.system, state.t)
         times = grid(state.t, end, h, [*through, *breaks])
-        if _core.motion_has_kinks(snapshot.system, list(without)):
+        if _core.motion_has_kinks(snapshot.system, list(without), False):
             try:
                 times, smooth, missed = located(m, state, without, times, kind)
             except ConvergenceError as stopped:
