@@ -82,18 +82,22 @@ def strutted(seed, k, c):
 
 def stiff_ratios(seed, how):
     found = []
-    for k, c in ((1e6, 100.0), (1e4, 1e3), (1e6, 1e4)):
+    for k, c in ((1e6, 1.0), (1e6, 100.0), (1e4, 1e3), (1e6, 1e4)):
         m, times = strutted(seed, k, c), np.linspace(0.0, 0.6, 13)
         true = mb.simulate(m, times, rtol=1e-12, method="radau", order=9)
-        found += [told(m, times, how, h, true) for h in (0.02, 0.01, 0.005, 0.0025)]
+        for h in (0.02, 0.01, 0.005, 0.0025):
+            try:
+                found.append(told(m, times, how, h, true))
+            except mb.ConvergenceError:
+                print(f"{m.name}, {how}, {h:.1e}: too long")
     return [r for r in found if r is not None]
 
 
 @pytest.mark.parametrize("how", ["radau", "radau 9", "bdf"])
 def test_stiff_motions_tell_their_error(how):
-    """Steps over a decay lose their order."""
+    """Steps over a decay lose their order, and all damp a vibration at once."""
     ratios = np.array(stiff_ratios(0, how))
-    assert np.mean(ratios > 1.0 / 3.0) > 0.75 and min(ratios) > 0.1 and np.median(ratios) < 5.0
+    assert np.mean(ratios > 1.0 / 3.0) > 0.85 and min(ratios) > 0.2 and np.median(ratios) < 5.0
 
 
 @pytest.mark.slow
@@ -101,8 +105,7 @@ def test_stiff_motions_tell_their_error(how):
 def test_random_stiff_motions_tell_their_error(how):
     ratios = np.array([r for seed in range(1, 7) for r in stiff_ratios(seed, how)])
     print(f"{how}: {len(ratios)} ratios, {ratios.min():.2g} to {ratios.max():.2g}, median {np.median(ratios):.2f}")
-    # what is left of a vibration that all these steps damp is told too small
-    assert np.mean(ratios > 1.0 / 3.0) > 0.85 and ratios.min() > 0.1
+    assert np.mean(ratios > 1.0 / 3.0) > 0.95 and ratios.min() > 0.1
     assert 0.5 < np.median(ratios) < 5.0
 
 

@@ -29,6 +29,11 @@ _AS_MANY = 100
 _NOISE_WITHOUT_TANGENT = 1e-9
 # the tolerance of a run by "explicit" that fixed steps are compared with
 _SURE = 1e-9
+# Steps of a controlled motion of the beginning over those of a whole motion by fixed steps beyond which it tells no errors. Larger:
+# estimates of stiff motions take longer than these. Smaller: vibrations that all fixed steps damp are not seen.
+_AS_MANY_AT_BEGINNING = 20
+# fixed steps that the beginning has at least
+_BEGINNING = 4
 # outputs at which the error is estimated
 _COMPARED = 50
 # Estimated errors of fixed steps over those that steps a little longer tell, where steps of twice the length lie farther away than any
@@ -163,7 +168,7 @@ class _Others:
     def __init__(self, traj: Trajectory, state: State, options: dict[str, Any], compared: np.ndarray) -> None:
         self.traj, self.state, self.compared = traj, state, compared
         method = traj.method if options["method"] == "auto" else options["method"]
-        self.options = {**options, "method": method, "outputs": traj.t[compared].tolist()}
+        self.options = {**options, "method": method}
 
     def error(self) -> np.ndarray | None:
         """Estimated errors at the outputs; None where no other run reaches the end."""
@@ -172,13 +177,34 @@ class _Others:
             if apart is not None:
                 return EXPLICIT_FACTOR * apart
         if "step" in self.options:
-            return fixed_steps_error(self.traj, self.options, self.state.t, lambda step: self.distances({"step": step}))
+            found = fixed_steps_error(self.traj, self.options, self.state.t, self.from_steps)
+            return found if found is None or self.traj.method == "explicit" else self.with_beginning(found)
         rtol, factor = tolerance_compared(self.traj, self.options)
         apart = self.distances({"rtol": rtol})
         return None if apart is None else factor * apart
 
-    def distances(self, changed: dict[str, Any], leave: Sequence[str] = ()) -> np.ndarray | None:
-        """Distances from a run by other options, at each output; None where it does not reach the end."""
+    def from_steps(self, step: float) -> np.ndarray | None:
+        return self.distances({"step": step}, leave=("max_steps",))
+
+    def with_beginning(self, found: np.ndarray) -> np.ndarray:
+        """Errors that are not less than the distance from a controlled motion up to the first output, and over the first steps.
+
+        What the first steps damp, the vibration of a stiff spring that is not at rest, longer ones damp as well.
+        """
+        start, times = self.state.t, self.traj.t[self.compared]
+        end = max(float(times[0]), start + _BEGINNING * float(self.options["step"]))
+        n = int(np.searchsorted(times, end * (1.0 + np.finfo(float).eps), side="right"))
+        most = float(_AS_MANY_AT_BEGINNING * len(self.traj.steps))
+        controlled = {"method": "radau", "rtol": _SURE, "max_steps": most, "end": float(times[n - 1])}
+        apart = self.distances(controlled, leave=("step",), first=n)
+        return found if apart is None else np.concatenate([np.maximum(found[:n], apart), found[n:]])
+
+    def distances(
+        self, changed: dict[str, Any], leave: Sequence[str] = (), first: int | None = None
+    ) -> np.ndarray | None:
+        """Distances from a run by other options, at the (first) outputs; None where it does not reach the last of these."""
+        compared = self.compared[:first]
+        changed = {"outputs": self.traj.t[compared].tolist(), **changed}
         options = {key: value for key, value in self.options.items() if key not in leave} | changed
         try:
             made = run_core(self.traj.snapshot, self.state, self.traj.without, options)
@@ -198,7 +224,7 @@ class _Others:
                 made["acceleration"],
                 list(self.traj.without),
             )
-        apart = _distances(self.traj, self.compared, other)
+        apart = _distances(self.traj, compared, other)
         return apart if np.isfinite(apart).all() else None
 
 
