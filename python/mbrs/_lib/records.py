@@ -51,7 +51,7 @@ HOMES: Mapping[str, str] = {
 FUNCTIONS: Mapping[str, str] = {
     "prepare": "nonlinear.balance",
     "prepare_family": "nonlinear.balance",
-    "_estimated_error": "motion.simulate",
+    "estimated_error": "motion.error",
 }
 
 

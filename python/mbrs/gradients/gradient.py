@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, TypedDict
 
@@ -17,9 +16,10 @@ from .._lib.border import core_errors
 from .._lib.checks import choice, is_word, real_number, shown
 from .._lib.progress import Elapsed
 from .._lib.vetter import Derivative
-from ..errors import ConvergenceError, ModelError, NameNotFoundError
+from ..errors import MbrsError, ModelError, NameNotFoundError
 from ..model.addresses import target
 from ..model.directions import Directions, directions
+from ..motion.error import step_error, stretched
 from ..motion.options import DEFAULT
 from ..motion.quantities import Names
 from ..motion.tangent import (
@@ -36,7 +36,7 @@ from ..results import Stats, added_counts
 from ..system.effects import check_without, effects
 from .motion_gradient import MotionGradient, effects_of
 from .objectives import Evaluation, Integral, NewReading, Objective, Reader, evaluate, number
-from .steps import halved, prepare
+from .steps import halved, prepare, resampled
 
 if TYPE_CHECKING:
     from ..model.model import Model
@@ -231,27 +231,37 @@ def _estimated(
     step: float | None,
     rtol: float | None,
 ) -> float | None:
-    """The difference to steps twice as long, by the order of the scheme; to a finer motion where steps end at kinks.
+    """The difference to longer steps, by the order that these show; to a finer motion where steps end at kinks.
 
     Between two kinks there may be one step alone, which none is twice as long as.
     """
     m = run.model
     if len(run.times) < 3 or run.snapshot.versions != (m.structure_version, m.values_version):
         return None
-    if kink_times(run.smooth):
+
+    def apart(other: Callable[..., Run], *how: Any) -> float | None:
+        """None where the other steps cannot be made, or an objective is not defined along them."""
         try:
-            # of order one, half of the error is left with half the step
-            return 2.0 * _apart(made, _finer(run, objectives, step, rtol), objectives, along)
-        except ConvergenceError:
-            return math.inf
-    marks = [*(x for o in objectives for x in o.times), *_core.motion_breaks(run.snapshot.system, float(run.times[0]))]
-    kept = np.isin(run.times, marks)
-    kept[::2] = kept[-1] = True
-    coarse = replace(run, times=run.times[kept], orders=_of_pairs(run.orders, kept), kept=None)
-    found = _apart(made, coarse, objectives, along)
-    # too far apart for an order to show: the difference itself is what is known
+            found = _apart(made, other(*how), objectives, along)
+        except (MbrsError, ArithmeticError, ValueError):
+            return None
+        return found if math.isfinite(found) else None
+
+    if kink_times(run.smooth):
+        finer = apart(_finer, run, objectives, step, rtol)
+        # of order one, half of the error is left with half the step
+        return math.inf if finer is None else 2.0 * finer
+    held = [*(x for o in objectives for x in o.times), *_core.motion_breaks(run.snapshot.system, float(run.times[0]))]
     order = float(np.median(np.abs(run.orders))) if len(run.orders) else _ORDERS[run.scheme]
-    return found if made.kinks or found > _UNRELATED else found / (2.0**order - 1.0)
+    (longer, grown), (coarse, doubled) = (resampled(run, ratio, held) for ratio in (stretched(order), 2.0))
+    near, far = (math.inf if d is None else d for d in (apart(lambda: longer), apart(lambda: coarse)))
+    if max(near, far) > _UNRELATED:
+        # longer steps may leave the region of stability, where shorter ones do not
+        finer = apart(lambda: resampled(run, 0.5, held)[0])
+        return near if finer is None else 2.0 * finer
+    if made.kinks:
+        return max(near, far)
+    return step_error(near, far, order, (grown, doubled))
 
 
 def _judged(made: MotionGradient, step: float | None, rtol: float | None) -> str:
@@ -283,15 +293,6 @@ def _apart(made: MotionGradient, other: Run, objectives: Sequence[Objective], al
     size = np.abs(own).max(axis=1)
     miss = np.abs(others - own).max(axis=1)
     return float(np.max(miss[size > 0.0] / size[size > 0.0], initial=0.0))
-
-
-def _of_pairs(orders: Sequence[int], kept: np.ndarray) -> tuple[int, ...]:
-    """Orders of steps that are joined: of the last of each, but a beginning stays one."""
-    if not len(orders):
-        return ()
-    ends = np.flatnonzero(kept).tolist()
-    parts = [list(orders[a:b]) for a, b in itertools.pairwise(ends)]
-    return tuple(min(part) if min(part) < 0 else part[-1] for part in parts)
 
 
 def _objectives(objective: Any) -> tuple[list[Objective], bool]:

@@ -47,7 +47,7 @@ class MotionGradient(Result):
         How many times larger the relative changes of what the objectives read are than those of the parameters, at most. It grows
         without bound where a motion is chaotic; from 1e4 on there is a warning.
     error
-        Estimated distance from the gradient of the continuous motion, by a second run with steps twice as long, or shorter ones where
+        Estimated distance from the gradient of the continuous motion, by two runs with longer steps, or one with shorter ones where
         steps end at kinks (made when first asked for): the largest difference of an effect of a parameter's own size, relative to the
         largest effect. None for less than two steps, and after the model was changed.
     """

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
@@ -80,7 +81,7 @@ def prepare(
         )
         breaks = _core.motion_breaks(snapshot.system, state.t)
         times = grid(state.t, end, h, [*through, *breaks])
-        if _core.motion_has_kinks(snapshot.system, list(without)):
+        if _core.motion_has_kinks(snapshot.system, list(without), False):
             try:
                 times, smooth, missed = located(m, state, without, times, kind)
             except ConvergenceError as stopped:
@@ -132,6 +133,37 @@ def halved(run: Run) -> Run:
     ends = times[~np.isin(times, kink_times(run.smooth))]
     found, smooth, missed = located(run.model, run.state, run.without, ends, {"scheme": run.scheme, "rho": run.rho})
     return replace(run, times=found, smooth=smooth, missed=missed, orders=(), kept=None)
+
+
+def resampled(run: Run, ratio: float, held: Sequence[float]) -> tuple[Run, float]:
+    """The motion over steps longer by a ratio, those that end at the held times still do; and the ratio that comes out.
+
+    Lengths follow those of the motion. Where there is more than one step between held times, longer steps are fewer.
+    """
+    orders = np.array(run.orders, dtype=int)
+    ends = np.flatnonzero(np.isin(run.times, [run.times[0], *held, run.times[-1]]))
+    if len(orders):
+        # a history begins anew where it did
+        ends = np.union1d(ends, np.flatnonzero(orders < 0))
+    places, found = [np.zeros(1)], []
+    for a, b in itertools.pairwise(ends.tolist()):
+        n = max(1, min(round((b - a) / ratio), b - a - 1) if ratio > 1.0 else round((b - a) / ratio))
+        places.append(np.linspace(a, b, n + 1)[1:])
+        if len(orders):
+            found.append(_history(orders[a:b], n))
+    index = np.concatenate(places)
+    times = np.interp(index, np.arange(len(run.times)), run.times)
+    of_steps = tuple(np.concatenate(found).tolist()) if found else ()
+    return replace(run, times=times, orders=of_steps, kept=None), (len(run.times) - 1) / (len(times) - 1)
+
+
+def _history(orders: np.ndarray, n: int) -> np.ndarray:
+    """Orders of n steps that take the place of others; a beginning stays one, and no order is more than a beginning has room for."""
+    own = np.abs(orders[(np.arange(n) * len(orders)) // n])
+    if orders[0] < 0:
+        own = np.minimum(own, np.arange(1, n + 1))
+        own[0] = orders[0]
+    return own
 
 
 def _stopped(m: Model, error: ConvergenceError) -> tuple[Kink, ...]:

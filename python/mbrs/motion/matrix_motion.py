@@ -24,6 +24,7 @@ from ..model.model import Model
 from ..results import Stats
 from ..system.snapshot import Snapshot
 from ..system.state import State, state_of
+from .error import EXPLICIT_FACTOR, explicit_compared, fixed_steps_error, tolerance_compared
 from .options import DEFAULT
 from .trajectory import Trajectory
 
@@ -38,11 +39,9 @@ Run = Callable[..., Trajectory]
 
 
 def simulate_matrices(
-    system: MechanicalSystem, t: Any, loads: Any, x0: Any, v0: Any, options: dict[str, Any], run: Run, compared: Any
+    system: MechanicalSystem, t: Any, loads: Any, x0: Any, v0: Any, options: dict[str, Any], run: Run
 ) -> ResponseResult:
-    """The motion of all coordinates by the ``options`` that are not None; ``run`` integrates a model, ``compared`` names the second run
-    of the estimate.
-    """
+    """The motion of all coordinates by the ``options`` that are not None; ``run`` integrates a model."""
     options = {name: value for name, value in options.items() if value is not None}
     start = np.concatenate([_start(x0, system.n, "x0"), _start(v0, system.n, "v0")])
     scene = _Scene(system, loads)
@@ -53,7 +52,7 @@ def simulate_matrices(
     except ConvergenceError as stopped:
         partial = _result(system, stopped.result, np.full(stopped.result.q.T.shape, np.inf))
         raise ConvergenceError(str(stopped).replace(repr(model.name), "the system"), partial) from None
-    return _result(system, traj, _error(model, traj, start, options, run, compared))
+    return _result(system, traj, _error(model, traj, start, options, run))
 
 
 class _Scene:
@@ -173,20 +172,39 @@ def _largest(load: Any, t: Any) -> float:
     return float(np.max(np.abs([float(load(float(s))) for s in instants])))
 
 
-def _error(
-    model: Model, traj: Trajectory, start: np.ndarray, options: dict[str, Any], run: Run, compared: Any
-) -> np.ndarray:
-    """(n, n_t) estimated errors of the displacements: the difference to a second run at the same times."""
-    changed, factor = compared(traj, {"rtol": DEFAULT, **options} if "step" not in options else options)
-    second = {**options, "rtol": None, "step": None, **changed, "method": traj.method}
-    try:
-        other = run(model, traj.t, at=_state(model, start), **second)
-    except ConvergenceError:
+def _error(model: Model, traj: Trajectory, start: np.ndarray, options: dict[str, Any], run: Run) -> np.ndarray:
+    """(n, n_t) estimated errors of the displacements: the differences to other runs at the same times."""
+    variant = f"{options['method']}/{options['order']}" if "order" in options else options["method"]
+    asked = {**({} if "step" in options else {"rtol": DEFAULT}), **options, "method": variant}
+
+    def apart(**changed: Any) -> np.ndarray | None:
+        """(n, n_t) distances from another run."""
+        others = {"method": traj.method, **changed}
+        if others["method"] != traj.method:
+            others = {name: None for name in ("rho", "form", "update", "order")} | others
+        try:
+            other = run(model, traj.t, at=_state(model, start), **{**options, "rtol": None, "step": None, **others})
+        except ConvergenceError:
+            return None
+        return np.asarray(np.abs(other.q - traj.q).T)
+
+    found = _estimated(traj, asked, apart)
+    if found is None:
         return np.full(traj.q.T.shape, np.inf)
     size = np.abs(traj.q).max(axis=0)
     rounding = np.finfo(float).eps * np.sqrt(len(traj.steps)) * size
-    error: np.ndarray = (factor * np.abs(other.q - traj.q) + rounding).T
-    return error
+    return np.asarray(found + rounding[:, None])
+
+
+def _estimated(traj: Trajectory, asked: dict[str, Any], apart: Any) -> np.ndarray | None:
+    """(n, n_t) errors by the distances from other runs; None where none of these reaches the end."""
+    if (changed := explicit_compared(traj, asked)) is not None and (found := apart(**changed)) is not None:
+        return np.asarray(EXPLICIT_FACTOR * found)
+    if "step" not in asked:
+        rtol, factor = tolerance_compared(traj, asked)
+        found = apart(rtol=rtol)
+        return None if found is None else factor * found
+    return fixed_steps_error(traj, asked, 0.0, lambda step: apart(step=step))
 
 
 def _result(system: MechanicalSystem, traj: Trajectory, error: np.ndarray) -> ResponseResult:

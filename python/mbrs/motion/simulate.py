@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-import math
 import time
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
@@ -14,7 +13,6 @@ import numpy as np
 from .. import _core
 from .._lib.border import core_errors
 from .._lib.checks import is_word
-from .._lib.progress import Progress
 from .._lib.warning import warn_user
 from ..errors import ConvergenceError, Interrupted
 from ..linear.matrices import MechanicalSystem
@@ -26,11 +24,9 @@ from ..system.snapshot import Snapshot
 from ..system.state import State, state_of
 from .air_march import Wakes, march, stepped
 from .amplification import warn_amplified
+from .error import estimated_error, run_core
 from .matrix_motion import simulate_matrices
 from .options import (
-    ORDER,
-    TIGHTENED,
-    TIGHTEST,
     effects_without,
     limits,
     motion_options,
@@ -55,27 +51,8 @@ if TYPE_CHECKING:
 
 # changes of initial values below this are rounding
 _CHANGED = 1e-9
-# how much tighter the run is that estimates the error of the methods in `TIGHTENED`
-_TIGHTER = 30.0
-# Steps of the explicit method over those of a motion with kinks beyond which it tells no errors. Larger: estimates of stiff motions take
-# longer than these. Smaller: errors at kinks are not seen.
-_AS_MANY = 100
-# below it the error of bdf-bfgs no longer follows its tolerance: a tighter run is no better
-_NOISE_WITHOUT_TANGENT = 1e-9
 # deflections beyond this part of a body's length are too large for linear elasticity in a frame
 _BENT = 0.2
-# the tolerance of a run by "explicit" that fixed steps are compared with
-_SURE = 1e-9
-# outputs at which the error is estimated
-_COMPARED = 50
-
-# Errors that grow so many times, while the time grows fourfold or from the tolerance at once, are told. Larger: motions of which nothing
-# is left keep silent. Smaller: long motions are called sensitive.
-_GROWN = 1e3
-# The tolerance of fixed steps there.
-_FIXED = 1e-4
-# Places that are off by this part of the characteristic length say little.
-_LOST = 0.05
 # for derivatives, steps end at kinks of laws to rounding
 _EXACT = {"exact_kinks": 1.0}
 
@@ -261,7 +238,7 @@ def simulate(
     given |= dict(order=order, max_step=max_step, first_step=first_step, max_steps=max_steps)
     if isinstance(m, MechanicalSystem):
         refuse_options_of_models(of_models, without)
-        return simulate_matrices(m, t, loads, x0, v0, given, simulate, _compared_with)
+        return simulate_matrices(m, t, loads, x0, v0, given, simulate)
     refuse_options_of_matrices(dict(loads=loads, x0=x0, v0=v0))
     return _of_model(m, t, without=without, **given, **of_models)[0]
 
@@ -347,7 +324,7 @@ def _of_model(
 
 def _has_kinks(snapshot: Snapshot, without: Sequence[str]) -> bool:
     with core_errors():
-        return _core.motion_has_kinks(snapshot.system, list(without))
+        return _core.motion_has_kinks(snapshot.system, list(without), False)
 
 
 def _integrated(
@@ -356,8 +333,8 @@ def _integrated(
     """The numbers of the core, the snapshot that they belong to, and the wake where the air has one."""
     air = stepped(m, without, absolute)
     if air is None:
-        return _run(snapshot, state, without, options), snapshot, None
-    return march(air, snapshot, state, without, options, lambda s, x, o: _run(s, x, without, o, True))
+        return run_core(snapshot, state, without, options), snapshot, None
+    return march(air, snapshot, state, without, options, lambda s, x, o: run_core(s, x, without, o, True))
 
 
 def _warn(
@@ -395,18 +372,6 @@ def _warn_of_bending(traj: Trajectory) -> None:
             )
 
 
-def _run(
-    snapshot: Snapshot, state: State, without: Sequence[str], options: dict[str, Any], quiet: bool = False
-) -> dict[str, Any]:
-    with Progress("motion", 1000, always=False if quiet else None) as progress, core_errors():
-
-        def report(part: float) -> None:
-            # a motion of no length is done when it begins
-            progress.advance((int(1000 * part) if math.isfinite(part) else 1000) - progress.done)
-
-        return _core.simulate_motion(snapshot.system, state.q, state.rate, list(without), options, report)
-
-
 def _trajectory(
     m: Model,
     snapshot: Snapshot,
@@ -434,7 +399,7 @@ def _trajectory(
         snapshot=snapshot,
         wake=wake,
         without=without,
-        error=functools.partial(_estimated_error, state=state, options=options),
+        error=functools.partial(estimated_error, state=state, options=options),
         stats=Stats(
             wall,
             dict(made["counts"]),
@@ -473,116 +438,3 @@ def _warn_of_start(m: Model, made: dict[str, Any]) -> None:
                 f"the initial {plural} of {m.name!r} contradict its joints; joint coordinates were changed by up to {size:.3g} "
                 f"radians or characteristic lengths{unit} to agree"
             )
-
-
-def _compared_with(traj: Trajectory, options: dict[str, Any]) -> tuple[dict[str, Any], float]:
-    """Options of the run that the error is estimated with, and the factor from the distance of both to the error.
-
-    Errors of controlled steps scatter about their tolerance, most of all behind kinks, so that a tighter run tells more than a looser
-    one; methods of order two could not afford it. The whole distance to a looser run counts, which may be as good by chance.
-    """
-    if "step" in options:
-        # of the variant that was asked for, where it has an order of its own
-        order = ORDER.get(options["method"], ORDER[traj.method])
-        return {"step": 2.0 * options["step"]}, 1.0 / (2.0**order - 1.0)
-    rtol, looser = options["rtol"], {"rtol": min(10.0 * options["rtol"], 1.0)}
-    if traj.method not in TIGHTENED:
-        return looser, 1.0 / 9.0
-    best = _NOISE_WITHOUT_TANGENT if traj.method == "bdf-bfgs" else TIGHTEST
-    if rtol / _TIGHTER < best:
-        return looser, 1.0
-    return {"rtol": rtol / _TIGHTER}, _TIGHTER / (_TIGHTER - 1.0)
-
-
-def _rounding(traj: Trajectory) -> float:
-    """Error of a motion by rounding: every step leaves that of its pose, and a part of its rate that moves all that follows."""
-    if traj.rate.shape[1] == 0:
-        return 0.0  # nothing can move
-    length = traj.snapshot.system.characteristic_length
-    span = traj.t[-1] - traj.steps[0]
-    poses = traj.poses
-    away = np.abs(poses["position"]).max(initial=0.0) / length
-    speeds = np.abs(poses["velocity"]).max(initial=0.0) / length, np.abs(poses["angular_velocity"]).max(initial=0.0)
-    return float(np.finfo(float).eps * np.sqrt(len(traj.steps)) * (1.0 + away + span * max(speeds)))
-
-
-def _of_explicit(traj: Trajectory, options: dict[str, Any]) -> float | None:
-    """The tolerance of a run by "explicit" that tells the error where two runs by the same method err alike.
-
-    Histories begin alike at each kink, and fixed steps over a contact that is shorter than they go wild each in its way.
-    """
-    if "step" in options:
-        return _SURE if _core.motion_has_kinks(traj.snapshot.system, list(traj.without)) else None
-    if traj.method == "bdf-bfgs" and traj.stats.counts.get("kinks met", 0) > 0:
-        return max(float(options["rtol"]) / _TIGHTER, TIGHTEST)
-    return None
-
-
-def _estimated_error(traj: Trajectory, state: State, options: dict[str, Any]) -> float | None:
-    """Largest difference to a second run, scaled to the error of this one."""
-    if traj.status != "finished":
-        return None
-    first = int(np.searchsorted(traj.t, state.t, side="right"))
-    if first == len(traj.t):
-        return 0.0  # nothing but the start
-    compared = np.unique(np.linspace(first, len(traj.t) - 1, min(len(traj.t) - first, _COMPARED)).astype(int))
-    outputs = {"outputs": traj.t[compared].tolist()}
-    made, factor = None, _TIGHTER / (_TIGHTER - 1.0)
-    if (rtol := _of_explicit(traj, options)) is not None:
-        others = {"method": "explicit", "rtol": rtol, "max_steps": float(_AS_MANY * len(traj.steps))}
-        given = {key: value for key, value in options.items() if key != "step"}
-        made = _run(traj.snapshot, state, traj.without, {**given, **others, **outputs})
-    if made is None or made["status"] not in ("finished", "interrupted"):
-        changed, factor = _compared_with(traj, options)
-        method = traj.method if options["method"] == "auto" else options["method"]
-        made = _run(traj.snapshot, state, traj.without, {**options, **changed, "method": method, **outputs})
-    if made["status"] == "interrupted":
-        raise Interrupted("the estimate of the error of a motion was interrupted", traj)
-    if made["status"] != "finished":
-        return math.inf
-    with core_errors():
-        other = _core.motion_quantities(
-            traj.snapshot.system,
-            made["t"],
-            made["q"],
-            made["rate"],
-            made["memory"],
-            made["acceleration"],
-            list(traj.without),
-        )
-    apart = factor * _distances(traj, compared, other)
-    _warn_of_growth(traj, traj.t[compared], apart, options.get("rtol", _FIXED))
-    return max(float(apart.max()), _rounding(traj))
-
-
-def _warn_of_growth(traj: Trajectory, times: np.ndarray, apart: np.ndarray, tolerance: float) -> None:
-    """Errors that grow as those of a chaotic motion do, or where a motion hangs on how it passes a pose."""
-    after, largest = times - traj.steps[0], np.maximum.accumulate(apart)
-    # errors that add up grow with the time, or its square: not so much while the time grows fourfold
-    later = np.minimum(np.searchsorted(after, 4.0 * after, side="right"), len(after)) - 1
-    grown = largest[later] > _GROWN * np.maximum(largest, tolerance)
-    if largest[0] > max(_GROWN * tolerance, _LOST):
-        early, t = tolerance, times[0]
-    elif grown.any():
-        first = int(np.argmax(grown))
-        early, t = (
-            max(largest[first], tolerance),
-            times[int(np.argmax(largest > min(_LOST, 0.5 * largest[later[first]])))],
-        )
-    else:
-        return
-    warn_user(
-        f"the motion amplifies errors: two runs, of nearly the same tolerance or step, are at first less than {early:.1e} and later "
-        f"{largest[-1]:.1e} apart (characteristic lengths or radians). It depends sensitively on its start, as chaotic motions do, or "
-        f"on how it passes a pose: from t = {t:.4g} s on places say little; shorten the time, or take averages"
-    )
-
-
-def _distances(traj: Trajectory, compared: np.ndarray, other: dict[str, Any]) -> np.ndarray:
-    """Largest distance of poses at each time: over the characteristic length, and as an angle."""
-    p, q = traj.poses["position"][compared], traj.poses["orientation"][compared]
-    moved = np.linalg.norm(p - other["position"], axis=-1) / traj.snapshot.system.characteristic_length
-    chord = np.minimum(
-        np.linalg.norm(q - other["orientation"], axis=-1), np.linalg.norm(q + other["orientation"], axis=-1)
-    )
-    return np.asarray(np.maximum(moved, 2.0 * chord).max(axis=-1, initial=0.0))

@@ -68,7 +68,8 @@ class Trajectory(AirMotion, Result):
         one from rates. Zeros for other methods.
     error
         Estimated error: the largest |dx|/(characteristic length) and angle of rotation of any body at up to 50 of the outputs,
-        from a second run, tighter where the order of the method is high, else coarser (made when first asked for).
+        from a second run, tighter where the order of the method is high, else looser, or from two with longer fixed steps (made when
+        first asked for).
     status
         "finished", "interrupted" (Ctrl-C) or "stopped" (a step that could not be made; `message` says why).
     """

@@ -236,9 +236,9 @@ impl Equations<'_, f64> {
         out
     }
 
-    /// Has a law that acts sharp kinks?
-    pub fn has_kinks(&self) -> bool {
-        self.sharp_kinks(&self.kinked(false)).iter().any(|k| k.acts)
+    /// Has a law that acts sharp kinks? `with_sliders`: or sliders that begin or cease to slide.
+    pub fn has_kinks(&self, with_sliders: bool) -> bool {
+        self.sharp_kinks(&self.kinked(with_sliders)).iter().any(|k| k.acts)
     }
 
     /// The same equations of a system whose laws are held on sides.

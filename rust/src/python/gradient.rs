@@ -245,11 +245,12 @@ fn motion_is_explicit<'py>(
     Ok(explicit_serves(&eq, start, span.1, step, &mut Counts::default())?)
 }
 
-/// Have laws sharp kinks, at which the steps of a motion that is differentiated end?
+/// Have laws sharp kinks, at which the steps of a motion end? Those of one that is differentiated do not end where sliders (`with_sliders`)
+/// begin or cease to slide.
 #[pyfunction]
-fn motion_has_kinks(system: PyRef<'_, PySystem>, without: Vec<String>) -> PyResult<bool> {
+fn motion_has_kinks(system: PyRef<'_, PySystem>, without: Vec<String>, with_sliders: bool) -> PyResult<bool> {
     let system = &system.0;
-    Ok(Equations::new(system, system.x.to_vec(), effects(&without)?).has_kinks())
+    Ok(Equations::new(system, system.x.to_vec(), effects(&without)?).has_kinks(with_sliders))
 }
 
 /// Times after `start` at which a load or a drive is not smooth: a step ends there.
