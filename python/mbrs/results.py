@@ -187,9 +187,11 @@ class Result:
             value = getattr(self, attribute)
             if value is not None:
                 name = q.name or attribute
-                out[name] = (q.dims, _plain_array(value), q.unit, q.label or name.replace("_", " "))
+                values = along_parameters(q.dims, _plain_array(value))
+                out[name] = (q.dims, values, q.unit, q.label or name.replace("_", " "))
         if self.error_dims and self.error is not None:
-            out["error"] = (self.error_dims, np.asarray(self.error, dtype=float), "1", "estimated error")
+            error = along_parameters(self.error_dims, np.asarray(self.error, dtype=float))
+            out["error"] = (self.error_dims, error, "1", "estimated error")
         return out
 
     def attributes(self) -> dict[str, Any]:
@@ -327,6 +329,12 @@ class Result:
 def result(cls: _C) -> _C:
     """Class decorator of results: a frozen dataclass that is equal to itself only and whose repr is one line."""
     return dataclass(frozen=True, eq=False, repr=False)(cls)  # type: ignore[return-value]
+
+
+def along_parameters(dims: tuple[str, ...], values: np.ndarray) -> np.ndarray:
+    """An array parameter, which keeps its shape in a derivative, along the one axis "parameter"; it is the last."""
+    spread = dims[-1:] == ("parameter",) and values.ndim > len(dims)
+    return values.reshape(*values.shape[: len(dims) - 1], -1) if spread else values
 
 
 def _plain_array(value: Any) -> np.ndarray:

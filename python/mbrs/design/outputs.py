@@ -11,6 +11,7 @@ import numpy as np
 
 from .._lib.checks import choice, count, names, real_array, shown
 from ..errors import ModelError
+from ..results import along_parameters
 
 __all__ = ["equilibrium", "frf", "modes", "sensitivity"]
 
@@ -47,8 +48,9 @@ class Analysis:
         if self.parameters:
             from ..linear.sensitivity import sensitivity as derive
 
-            derived = self.numbers(derive(result, list(self.parameters)))
-            found |= {f"{name}_derivative": value for name, value in derived.items()}
+            derived, layout = self.numbers(derive(result, list(self.parameters))), self.layout
+            for name in (f"{name}_derivative" for name in derived):
+                found[name] = along_parameters(layout[name][0], derived[name.removesuffix("_derivative")])
         return found
 
     @property

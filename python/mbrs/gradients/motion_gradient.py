@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -110,8 +111,10 @@ class MotionGradient(Result):
         return [note] if note else []
 
     def sensitivity(self, parameters: str | Sequence[str]) -> MotionSensitivity:
-        """The gradient as `mb.sensitivity` returns derivatives: ``value``, parameter axis last."""
+        """The gradient as `mb.sensitivity` returns derivatives: ``value``, parameter axis last; one array parameter keeps its shape."""
         named = [parameters] if isinstance(parameters, str) else list(parameters)
+        arrays = [_entries(self.labels, p) for p in named]
+        named = [label for labels in arrays for label in labels]
         missing = [p for p in named if p not in self.labels]
         if missing:
             raise ModelError(
@@ -119,8 +122,9 @@ class MotionGradient(Result):
             )
         flat = np.asarray(self.gradient).reshape(*np.shape(self.value), len(self.labels))
         chosen = [self.labels.index(p) for p in named]
+        value = flat[..., chosen]
         return MotionSensitivity(
-            value=flat[..., chosen],
+            value=value.reshape(*value.shape[:-1], *_shape(named)) if len(arrays) == 1 < len(named) else value,
             labels=tuple(named),
             units=tuple(self.units[i] for i in chosen),
             stats=self.stats,
@@ -141,6 +145,18 @@ class MotionGradient(Result):
         from ..plot import gradients
 
         return gradients.tornado(self, n=n, change=change, objective=objective, ax=ax)
+
+
+def _entries(labels: Sequence[str], name: str) -> list[str]:
+    """The labels that a name means: its own, or those of the entries of an array."""
+    return [label for label in labels if label.rpartition("[")[0] == name and name not in labels] or [name]
+
+
+def _shape(labels: Sequence[str]) -> tuple[int, ...]:
+    """Shape of an array, from the labels of its entries; (n,) of anything else."""
+    place = labels[-1].rpartition("[")[2].rstrip("]").split(",")
+    shape = tuple(int(i) + 1 if i.isdigit() else 0 for i in place)
+    return shape if math.prod(shape) == len(labels) else (len(labels),)
 
 
 @result

@@ -92,8 +92,10 @@ class EigenSensitivity(Result):
     ----------
     eigenvalue
         (n, n_p) complex, ds/dp.
-    parameters, units, shapes
-        Labels, their units, and the shape of each (``()`` for a number); n_p is the sum of their sizes.
+    parameters, shapes
+        Labels, and the shape of each (``()`` for a number); n_p is the sum of their sizes.
+    units
+        Of each of the n_p columns.
     groups
         A `GroupSensitivity` for every repeated group, ``modal.clusters``: also of roots that agree to 1e-11.
     modal
@@ -185,7 +187,7 @@ class EigenSensitivity(Result):
         chosen = EigenSensitivity(
             self.modal,
             (parameter,),
-            (self.units[k],),
+            self.units[part],
             (self.shapes[k],),
             self.flat[:, part],
             groups,
@@ -223,10 +225,9 @@ class EigenSensitivity(Result):
 
     def rows(self) -> tuple[list[str], list[list[Any]]]:
         """Columns and rows of the table that `print` shows: d f_n/dp in Hz, of every mode."""
-        units = [u for u, s in zip(self.units, self.shapes, strict=True) for _ in range(math.prod(s))]
         heads = [
             f"d/d {name}" + (f" [Hz/{_grouped(unit)}]" if unit else "")
-            for name, unit in zip(self.labels, units, strict=True)
+            for name, unit in zip(self.labels, self.units, strict=True)
         ]
         size = np.abs(self.flat) / (2.0 * math.pi)
         scale = np.max(size, axis=0, initial=0.0, where=np.isfinite(size))
@@ -282,7 +283,7 @@ def eigen_sensitivity(
     parameters
         Labels; ``p0, p1, ...`` by default.
     units
-        Units of the parameters, for the table.
+        Units of the parameters, or of each entry of theirs, for the table.
     shapes
         Shape of each parameter, ``()`` for a number. The directions of an array parameter follow one another in C
         order.
@@ -446,7 +447,9 @@ def _described(
     names = tuple(parameters) if parameters is not None else tuple(f"p{k}" for k in range(count))
     forms = tuple(tuple(int(i) for i in s) for s in shapes) if shapes is not None else ((),) * count
     labels = tuple(units) if units is not None else ("",) * count
-    if not len(names) == len(forms) == len(labels):
+    if len(labels) == len(forms):
+        labels = tuple(u for u, s in zip(labels, forms, strict=True) for _ in range(math.prod(s)))
+    if len(names) != len(forms) or len(labels) != sum(math.prod(s) for s in forms):
         raise ModelError(f"{len(names)} parameters, {len(forms)} shapes and {len(labels)} units do not fit together")
     total = sum(math.prod(s) for s in forms)
     if total != n_p:

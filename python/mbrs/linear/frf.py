@@ -123,8 +123,9 @@ class FrfResult(Result):
 class FrfSensitivity(Result):
     """Derivatives of transfer functions.
 
-    ``value`` (n_out, n_in, n_freq, n_p) complex: dH/dp along each parameter alone, nan at singular frequencies;
-    ``labels`` their names; the rest as in `FrfResult`. ``error`` is the relative error of the linear solutions.
+    ``value`` (n_out, n_in, n_freq, n_p) complex: dH/dp along each parameter alone, nan at singular frequencies; a single array
+    parameter keeps its shape there. ``labels`` their names; the rest as in `FrfResult`. ``error`` is the relative error of the linear
+    solutions.
     """
 
     value: np.ndarray = quantity(dims=("output", "input", "frequency", "parameter"), name="dH_dp")
@@ -144,8 +145,8 @@ class FrfSensitivity(Result):
     def rows(self) -> tuple[list[str], list[list[Any]]]:
         """Columns and rows of the table: the largest derivative by each parameter."""
         rows: list[list[Any]] = []
-        for p, name in enumerate(self.labels):
-            size = np.nan_to_num(np.abs(self.value[..., p]), nan=-1.0).max(axis=(0, 1))
+        sizes = np.nan_to_num(np.abs(self.labelled()["dH_dp"][1]), nan=-1.0).max(axis=(0, 1))
+        for name, size in zip(self.labels, sizes.T, strict=True):
             k = int(np.argmax(size))
             rows.append([name, float(size[k]), float(self.frequency[k])])
         return ["parameter", "largest |dH/dp|", "at [Hz]"], rows

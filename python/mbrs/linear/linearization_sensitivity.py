@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
@@ -58,7 +58,7 @@ class SparseDerivative:
 
 @result
 class LinearizationSensitivity(Result):
-    """Derivatives of a linearisation; the parameter axis is last.
+    """Derivatives of a linearisation; the parameter axis is last, and a single array parameter keeps its shape there.
 
     Attributes
     ----------
@@ -89,6 +89,7 @@ class LinearizationSensitivity(Result):
     units: tuple[str, ...]
     directions: Directions
     linearization: Linearization
+    parameter_shape: tuple[int, ...]
 
     row: ClassVar[str] = "parameter"
     largest_error: ClassVar[float] = np.inf  # that of the linearisation, whose status it has
@@ -113,14 +114,14 @@ class LinearizationSensitivity(Result):
     @derived(dims=("coordinate", "coordinate_", "parameter"), name="dM")
     def M(self) -> np.ndarray:
         """dM/dp."""
-        return self.mass.dense()
+        return self._shaped(self.mass.dense())
 
     @cached_property
     @derived(dims=("coordinate", "coordinate_", "parameter"), name="dC")
     def C(self) -> np.ndarray | None:
         """dC/dp, the symmetric part of the derivative of the damping; without damping in the model, where a parameter brings it in."""
         symmetric = split(self.damping.dense())[0]
-        return symmetric if self.linearization.C is not None or np.any(symmetric) else None
+        return self._shaped(symmetric) if self.linearization.C is not None or np.any(symmetric) else None
 
     @cached_property
     @derived(dims=("coordinate", "coordinate_", "parameter"), name="dG")
@@ -132,7 +133,7 @@ class LinearizationSensitivity(Result):
     @derived(dims=("coordinate", "coordinate_", "parameter"), name="dK")
     def K(self) -> np.ndarray:
         """dK/dp, the symmetric part of the derivative of the stiffness."""
-        return split(self.stiffness.dense())[0]
+        return self._shaped(split(self.stiffness.dense())[0])
 
     @cached_property
     @derived(dims=("coordinate", "coordinate_", "parameter"), name="dN")
@@ -140,9 +141,18 @@ class LinearizationSensitivity(Result):
         """dN/dp, the skew part of the derivative of the stiffness."""
         return self._skew(self.stiffness, self.has_N)
 
-    @staticmethod
-    def _skew(of: SparseDerivative, has: np.ndarray) -> np.ndarray | None:
-        return split(of.dense())[1] * has if np.any(has) else None
+    def _skew(self, of: SparseDerivative, has: np.ndarray) -> np.ndarray | None:
+        return self._shaped(split(of.dense())[1] * has) if np.any(has) else None
+
+    def _shaped(self, a: np.ndarray) -> np.ndarray:
+        return a.reshape(*a.shape[:-1], *self.parameter_shape)
+
+    def with_shape(self) -> Self:
+        """The same with the parameter axis in the shape of the one array that was asked for."""
+        shaped = self.directions.shaped
+        arrays = {name: getattr(self, name) for name in ("T", "position", "rotation", "coordinate", "ground_coupling")}
+        given: dict[str, Any] = {name: shaped(a) for name, a in arrays.items() if a is not None}
+        return replace(self, parameter_shape=self.directions.shape, **given)
 
     @cached_property
     def has_G(self) -> np.ndarray:
@@ -200,7 +210,7 @@ class LinearizationSensitivity(Result):
 @result
 class EquilibriumSensitivity(Result):
     """Derivatives of an equilibrium or a steady motion: ``position`` and ``rotation`` (n_bodies, 3, n_p), world; ``coordinate`` (n_tree,
-    n_p).
+    n_p). A single array parameter keeps its shape there.
     """
 
     position: np.ndarray = quantity(dims=("body", "axis", "parameter"))
@@ -219,8 +229,10 @@ class EquilibriumSensitivity(Result):
     def rows(self) -> tuple[list[str], list[list[Any]]]:
         """Columns and rows of the table: how each body moves by each parameter."""
         rows: list[list[Any]] = []
+        values = self.labelled()
+        position, rotation = values["position"][1], values["rotation"][1]
         for p, (label, unit) in enumerate(zip(self.labels, self.units, strict=True)):
-            numbers = without_rounding(np.hstack([self.position[..., p], self.rotation[..., p]]))
+            numbers = without_rounding(np.hstack([position[..., p], rotation[..., p]]))
             rows += [[body, label, unit, *line] for body, line in zip(self.bodies, numbers.tolist(), strict=True)]
         return ["body", "parameter", "unit", "dx", "dy", "dz", "drx", "dry", "drz"], rows
 

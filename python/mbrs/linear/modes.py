@@ -52,7 +52,8 @@ def modes(
         How many of the lowest modes to return; None returns all, one for each degree of freedom.
     shift
         Hz. The ``n`` modes whose squared frequencies lie nearest to its square, in place of the lowest; ``n`` is then needed.
-        Sparse routes solve there (symmetric systems only), and inertia counts prove that none is missing.
+        Sparse routes solve there (symmetric systems only), and inertia counts prove that none is missing; where the damping of a
+        large model is too strong for that, the dense route answers up to 4000 coordinates.
     without
         Effects to leave out. Plain matrices know "damping" (C), "gyroscopic" (G) and "circulatory" (N).
     stiffness_factor
@@ -71,7 +72,8 @@ def modes(
         M is not positive definite; the message names the coordinate without inertia.
     ModelError
         Matrices that are not symmetric (M, C, K) or skew (G, N), not finite, or of different sizes; ``n`` out of range; a
-        shift without ``n``, negative, or for a large damped system.
+        shift without ``n``, negative, or for sparse matrices whose damping is not proportional. `RouteError`, one of them: a shift
+        for a model above 4000 coordinates whose damping is too strong to prove which modes are nearest.
 
     Notes
     -----

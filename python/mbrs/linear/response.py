@@ -120,7 +120,9 @@ class ResponseResult(Result):
 
 @result
 class ResponseSensitivity(Result):
-    """``value`` (n_out, n_t, n_p): derivative of the motion along each of the parameters ``labels``; ``error`` (n_out, n_p)."""
+    """``value`` (n_out, n_t, n_p): derivative of the motion along each of the parameters ``labels``; ``error`` (n_out, n_p). A single array
+    parameter keeps its shape in ``value``.
+    """
 
     t: np.ndarray = quantity(dims=("t",), unit="s")
     value: np.ndarray = quantity(dims=("output", "t", "parameter"), name="dy_dp")
@@ -137,7 +139,7 @@ class ResponseSensitivity(Result):
 
     def rows(self) -> tuple[list[str], list[list[Any]]]:
         """Columns and rows of the table: the largest derivative by each parameter."""
-        sizes = np.abs(self.value).max(axis=(0, 1)).tolist()
+        sizes = np.abs(self.labelled()["dy_dp"][1]).max(axis=(0, 1)).tolist()
         return ["parameter", "largest |dy/dp|"], [list(row) for row in zip(self.labels, sizes, strict=True)]
 
     def plot(self, *, ax: Axes | None = None) -> Figure:

@@ -106,7 +106,7 @@ def sensitivity(result: Any, parameters: str | Sequence[str], *, equilibrium: Fo
         raise ModelError(f"equilibrium= must be 'follow' or 'hold', got {shown(equilibrium)}")
     follow = equilibrium == "follow"
     if isinstance(result, Linearization):
-        return _of_linearization(result, parameters, follow)
+        return _of_linearization(result, parameters, follow).with_shape()
     if isinstance(result, StateResult):
         return _of_equilibrium(result, parameters)
     if isinstance(result, ModalResult):
@@ -176,6 +176,7 @@ def _of_linearization(
         units=along.units,
         directions=along,
         linearization=lin,
+        parameter_shape=(along.n,),
         stats=Stats(
             time.perf_counter() - start,
             {"directions": along.n},
@@ -226,9 +227,11 @@ def _of_modes(result: Any, parameters: str | Sequence[str], follow: bool) -> Any
     d = _of_linearization(lin, parameters, follow, maps=False)
     # at rest damping, and without followers stiffness, is symmetric: what is not is left by unbalanced moments
     dD, dS = d.damping.symmetric(d.has_G), d.stiffness.symmetric(d.has_N)
-    shapes = [d.directions.shape] if len(d.directions.shape) > 1 else None
+    labels, shapes = d.labels, None
+    if len(d.directions.shape) > 1:
+        labels, shapes = (labels[0].rpartition("[")[0],), [d.directions.shape]
     changes: tuple[Any, Any, Any] = (d.mass, dD, dS)
-    return eigen_sensitivity(result, *changes, parameters=d.labels, units=d.units, shapes=shapes)
+    return eigen_sensitivity(result, *changes, parameters=labels, units=d.units, shapes=shapes)
 
 
 def _of_ports(result: Any, parameters: str | Sequence[str], follow: bool) -> Any:

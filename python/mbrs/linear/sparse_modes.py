@@ -176,8 +176,8 @@ def model_modes(
     system = SparseModel(tuple(r["coordinates"]), names, r["body"], r["motion"], r["arm"], state, without, snapshot)
     on = tuple(e for e in effects(model).on if e not in without)
     r["backward_error"] = r["residual"]
-    # the small problem behind the modes has more of them, and no shapes of coordinates for partners
-    _truncate(r, count)
+    # the small problem behind the modes has no shapes of coordinates for partners
+    r["partner_shape"] = np.zeros((len(r["coordinates"]), 0))
     r["route"] = f"sparse, {r['route']} ({r['verified']})"
     found = modal_result(system, r, count, on, start)
     unresolved = r["verified"] == "unverified" or not np.all(found.error[found.kind != "rigid"] <= _UNRESOLVED)
@@ -191,15 +191,6 @@ def _sign(r: dict[str, Any]) -> None:
     flip = np.where(r["shape"][first, np.arange(size.shape[1])].real < 0.0, -1.0, 1.0)
     r["shape"] = r["shape"] * flip
     r["body"], r["motion"] = r["body"] * flip, r["motion"] * flip
-
-
-def _truncate(r: dict[str, Any], n: int) -> None:
-    for key in ("eigenvalue", "partner", "near_defective", "condition", "error"):
-        r[key] = r[key][:n]
-    r["kind"] = r["kind"][:n]
-    r["partner_mode"] = np.zeros(0, dtype=np.int64)
-    r["partner_shape"] = np.zeros((len(r["coordinates"]), 0))
-    r["left"] = r["partner_left"] = None
 
 
 def _sigma(shift: float | None) -> float | None:

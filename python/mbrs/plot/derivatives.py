@@ -21,12 +21,13 @@ _MOST = 10
 
 def frf_sensitivity(result: Any, *, ax: Axes | None = None) -> Figure:
     """|dH/dp| over the frequency, a line for each parameter and pair of ports, the ten largest of them."""
-    n_out, n_in = result.value.shape[:2]
+    values = result.labelled()["dH_dp"][1]
+    n_out, n_in = values.shape[:2]
     pairs = n_out * n_in > 1
     curves = [
         (
             f"d/d {p}" + (f", {result.outputs[i]} / {result.inputs[j]}" if pairs else ""),
-            np.abs(result.value[i, j, :, k]),
+            np.abs(values[i, j, :, k]),
         )
         for i in range(n_out)
         for j in range(n_in)
@@ -46,12 +47,12 @@ def frf_sensitivity(result: Any, *, ax: Axes | None = None) -> Figure:
 def response_sensitivity(result: Any, *, ax: Axes | None = None) -> Figure:
     """dy/dp over time, each line over its largest value, since parameters have different units."""
     several = len(result.outputs) > 1
-    curves = []
+    curves, values = [], result.labelled()["dy_dp"][1]
     for i, output in enumerate(result.outputs):
         for k, p in enumerate(result.labels):
-            size = float(np.max(np.abs(result.value[i, :, k]), initial=0.0))
+            size = float(np.max(np.abs(values[i, :, k]), initial=0.0))
             name = f"d/d {p}" + (f" of {output}" if several else "") + f" (1 = {size:.3g})"
-            curves.append((name, result.value[i, :, k] / (size or 1.0)))
+            curves.append((name, values[i, :, k] / (size or 1.0)))
     made, axes = _lines(ax, result.t, curves, f"derivatives of the {result.kind}")
     axes.set(xlabel="t [s]", ylabel="dy/dp over its largest value")
     return made
@@ -69,7 +70,7 @@ def linearization_sensitivity(result: Any, *, ax: Axes | None = None) -> Figure:
 
 def equilibrium_sensitivity(result: Any, *, ax: Axes | None = None) -> Figure:
     """Displacement of the origin of each body, |dx/dp|, over the largest by each parameter."""
-    size = np.linalg.norm(result.position, axis=1)
+    size = np.linalg.norm(result.labelled()["position"][1], axis=1)
     largest = size.max(axis=0, initial=0.0)
     shown = {
         f"d/d {label} (1 = {top:.3g} m{_per(unit)})": size[:, p] / (top or 1.0)

@@ -8,8 +8,9 @@
 //! Velocity rows about a moving state: see `rolling`.
 pub mod air_states;
 pub mod force_rounding;
-mod loaded;
+pub mod loaded;
 pub mod model_modes;
+mod nearest_damped;
 pub mod parts;
 mod reach;
 pub mod reactions;

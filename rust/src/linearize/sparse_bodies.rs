@@ -4,10 +4,13 @@
 //! problem on the subspace of the undamped modes, widened by K^-1 times the residuals of the damped pairs until these are small.
 //! A residual counts as the accelerations it would cause in the constrained system, so neither large stiffnesses nor constraint
 //! forces hide it.
+use std::cell::OnceCell;
+
 use faer::{Mat, MatRef, c64};
 
 use crate::error::{Error, Result};
 use crate::linalg::sparse::{Csc, Factor};
+use crate::linearize::nearest_damped::{Around, candidates, nearest};
 use crate::linearize::sparse_form::{Entries, SparseForm, symmetrised};
 use crate::linearize::sparse_motion::Motion;
 use crate::multibody::System;
@@ -24,8 +27,9 @@ use crate::tolerances::sparse_modes::SAME_ROOT;
 
 /// Rounds of widening, and the estimated error of an eigenvalue at which they stop.
 const ROUNDS: usize = 6;
-/// Undamped modes beyond the wanted ones, for damped problems: they speed up the last of the wanted.
-const BUFFER: usize = 8;
+/// Undamped modes beyond the wanted ones, for damped problems: they speed up the last of the wanted, and prove that none is missing; the
+/// next number follows where one is not enough for the proof.
+const BUFFERS: [usize; 3] = [8, 24, 72];
 
 pub struct BodyModes {
     pub form: SparseForm,
@@ -55,36 +59,76 @@ pub fn modes(
     if form.general {
         return general(form, n.min(dof), dof, sigma, counts, cancel);
     }
-    let damped = form.damping.iter().any(|e| e.2 != 0.0);
-    let wanted = if damped { (n + BUFFER).min(dof) } else { n.min(dof) };
-    let pencil = pencil(&form, form.stiffness.clone())?;
-    let found = lowest(&pencil, wanted, sigma, cancel)?;
-    counts.merge(&found.counts);
-    let mut space = Subspace::new(&form, &pencil, &found.lambda, found.shape.as_ref());
-    if !damped {
-        let modal = space.solve(false)?;
-        let shape = space.combined(&modal, n.min(dof));
-        return Ok(BodyModes {
-            error: found.error.iter().zip(&found.lambda).map(|(e, l)| if *l == 0.0 { 0.0 } else { *e }).collect(),
-            residual: found.residual,
-            verified: found.verified,
-            modal,
-            shape,
-            form,
-            counts,
-        });
+    if form.damping.iter().any(|e| e.2 != 0.0) {
+        return damped(form, n.min(dof), dof, sigma, counts, cancel);
     }
-    let (modal, residual) = space.resolve(found.sigma, n.min(dof), &mut counts, cancel)?;
-    let shape = space.combined(&modal, n.min(dof));
+    let pencil = pencil(&form, form.stiffness.clone())?;
+    let found = lowest(&pencil, n.min(dof), sigma, cancel)?;
+    counts.merge(&found.counts);
+    let space = Subspace::new(&form, &pencil, &found.lambda, found.shape.as_ref());
+    let modal = space.solve(false)?;
+    let shape = combine(&space.z, modal.shape.as_ref());
     Ok(BodyModes {
-        error: eigenvalue_errors(&modal, &residual),
-        residual,
+        error: found.error.iter().zip(&found.lambda).map(|(e, l)| if *l == 0.0 { 0.0 } else { *e }).collect(),
+        residual: found.residual,
         verified: found.verified,
-        modal,
+        modal: modal.subset(&Vec::from_iter(0..found.lambda.len())),
         shape,
         form,
         counts,
     })
+}
+
+/// The lowest modes, or those nearest to a shift, where no other is proved to be nearer.
+fn damped(
+    form: SparseForm,
+    n: usize,
+    dof: usize,
+    sigma: Option<f64>,
+    mut counts: Counts,
+    cancel: &Cancel,
+) -> Result<BodyModes> {
+    let pencil = pencil(&form, form.stiffness.clone())?;
+    for buffer in BUFFERS {
+        let wanted = (n + buffer).min(dof);
+        let found = lowest(&pencil, wanted, sigma, cancel)?;
+        counts.merge(&found.counts);
+        let known = found.lambda.len();
+        let mut space = Subspace::new(&form, &pencil, &found.lambda, found.shape.as_ref());
+        let work: Vec<f64> =
+            (0..known).map(|k| (0..space.z.nrows()).map(|i| space.z[(i, k)] * space.cz[(i, k)]).sum()).collect();
+        let choose = |modal: &Modal| match sigma {
+            None => (0..n).collect(),
+            Some(sigma) => nearest(modal, known, n, sigma),
+        };
+        let (modal, chosen, residual) = space.resolve(found.sigma, choose, &mut counts, cancel)?;
+        let is_complete = match sigma {
+            _ if wanted == dof => true,
+            None => true,
+            Some(_) if !["inertia", "all computed"].contains(&found.verified) => false,
+            Some(sigma) => {
+                let around = Around { form: &form, pencil: &pencil, sigma, lambda: &found.lambda, work: &work };
+                let all = candidates(&modal, known);
+                let error = eigenvalue_errors(&modal, &all, &space.residuals(&modal, &all)?.1);
+                chosen.len() == n && around.is_complete(&modal, &chosen, &all, &error)?
+            }
+        };
+        if is_complete {
+            return Ok(BodyModes {
+                error: eigenvalue_errors(&modal, &chosen, &residual),
+                shape: combine(&space.z, columns(&modal.shape, &chosen).as_ref()),
+                modal: modal.subset(&chosen),
+                residual,
+                verified: found.verified,
+                form,
+                counts,
+            });
+        }
+    }
+    Err(Error::route(
+        "the damping of this large model is too strong to prove which modes lie nearest to shift=: leave it out, or leave n= out as \
+         well for the dense route",
+    ))
 }
 
 pub fn dof(system: &System, form: &SparseForm) -> usize {
@@ -241,7 +285,7 @@ fn pencil(form: &SparseForm, stiffness: Entries) -> Result<Mixed> {
     Mixed::new(Csc::from_entries(n, n, form.mass.clone()), augmented(form, stiffness))
 }
 
-fn augmented(form: &SparseForm, stiffness: Entries) -> Csc {
+pub(super) fn augmented(form: &SparseForm, stiffness: Entries) -> Csc {
     let n = form.size();
     let all = n + form.compliance.len();
     let mut a = stiffness;
@@ -288,6 +332,8 @@ struct Subspace<'a> {
     mz: Mat<f64>,
     cz: Mat<f64>,
     kz: Mat<f64>,
+    /// of the constrained masses
+    accelerations: OnceCell<Factor>,
 }
 
 fn product(a: &Csc, x: MatRef<'_, f64>) -> Mat<f64> {
@@ -310,6 +356,7 @@ impl<'a> Subspace<'a> {
             c,
             form,
             pencil,
+            accelerations: OnceCell::new(),
         }
     }
 
@@ -333,13 +380,14 @@ impl<'a> Subspace<'a> {
         dense_modes(&SecondOrder::new(m, c, None, k, None)?)
     }
 
-    fn combined(&self, modal: &Modal, n: usize) -> Mat<c64> {
-        combine(&self.z, modal.shape.subcols(0, n))
-    }
-
-    /// Widen until the residuals of the first n pairs are small.
-    fn resolve(&mut self, sigma: f64, n: usize, counts: &mut Counts, cancel: &Cancel) -> Result<(Modal, Vec<f64>)> {
-        let accelerations = constrained_mass(self.form, self.pencil.mass())?;
+    /// Widen until the residuals of the chosen pairs are small.
+    fn resolve(
+        &mut self,
+        sigma: f64,
+        choose: impl Fn(&Modal) -> Vec<usize>,
+        counts: &mut Counts,
+        cancel: &Cancel,
+    ) -> Result<(Modal, Vec<usize>, Vec<f64>)> {
         counts.add("factorisations", 1);
         let mut inverse: Option<ShiftInvert<'_>> = None;
         let pencil = self.pencil;
@@ -347,15 +395,16 @@ impl<'a> Subspace<'a> {
         for round in 0..=ROUNDS {
             cancel.check()?;
             let modal = self.solve(true)?;
-            let (r, residual) = self.residuals(&modal, n, &accelerations);
+            let chosen = choose(&modal);
+            let (r, residual) = self.residuals(&modal, &chosen)?;
             counts.add("damped subspaces", 1);
-            let error = eigenvalue_errors(&modal, &residual);
-            let open: Vec<usize> = (0..n).filter(|k| error[*k] > SHARP).collect();
+            let error = eigenvalue_errors(&modal, &chosen, &residual);
+            let open: Vec<usize> = (0..chosen.len()).filter(|k| error[*k] > SHARP).collect();
             let worst = open.iter().map(|k| residual[*k]).fold(0.0, f64::max);
             // rounding sets a floor to residuals, which count the highest accelerations most
             let stalled = round > 1 && worst > 0.5 * before;
             if open.is_empty() || stalled || round == ROUNDS {
-                return Ok((modal, residual));
+                return Ok((modal, chosen, residual));
             }
             before = worst;
             let op = match &inverse {
@@ -371,11 +420,18 @@ impl<'a> Subspace<'a> {
     }
 
     /// r = s^2 M y + s C y + K y, and its size as acceleration over that of s^2 y.
-    fn residuals(&self, modal: &Modal, n: usize, factor: &Factor) -> (Mat<c64>, Vec<f64>) {
-        let q = modal.shape.subcols(0, n);
-        let (my, cy, ky) = (combine(&self.mz, q), combine(&self.cz, q), combine(&self.kz, q));
+    fn residuals(&self, modal: &Modal, chosen: &[usize]) -> Result<(Mat<c64>, Vec<f64>)> {
+        let factor = match self.accelerations.get() {
+            Some(factor) => factor,
+            None => {
+                let made = constrained_mass(self.form, self.pencil.mass())?;
+                self.accelerations.get_or_init(|| made)
+            }
+        };
+        let (n, q) = (chosen.len(), columns(&modal.shape, chosen));
+        let [my, cy, ky] = [&self.mz, &self.cz, &self.kz].map(|a| combine(a, q.as_ref()));
         let rows = self.z.nrows();
-        let s = &modal.s;
+        let s: Vec<c64> = chosen.iter().map(|k| modal.s[*k]).collect();
         let r = Mat::from_fn(rows, n, |i, k| s[k] * s[k] * my[(i, k)] + s[k] * cy[(i, k)] + ky[(i, k)]);
         let accelerate = |a: &Mat<c64>| {
             let mut rhs = Mat::zeros(factor.n(), 2 * n);
@@ -397,7 +453,7 @@ impl<'a> Subspace<'a> {
                 if scale > 0.0 { size[k] / scale } else { 0.0 }
             })
             .collect();
-        (r, relative)
+        Ok((r, relative))
     }
 
     /// Add K^-1 r, orthogonal to what is there; (K - sigma M) w = r gives K w = r + sigma M w.
@@ -450,8 +506,8 @@ impl<'a> Subspace<'a> {
 /// Relative errors of the eigenvalues: quadratic in the residual over the distance to the next root, as for all problems
 /// whose left vectors are the shapes (Parlett, The Symmetric Eigenvalue Problem, section 11.7), but never better than linear
 /// where roots meet.
-fn eigenvalue_errors(modal: &Modal, residual: &[f64]) -> Vec<f64> {
-    let estimate = |(k, r): (usize, &f64)| {
+fn eigenvalue_errors(modal: &Modal, chosen: &[usize], residual: &[f64]) -> Vec<f64> {
+    let estimate = |(&k, r): (&usize, &f64)| {
         let s = modal.s[k];
         let own = modal
             .groups
@@ -465,7 +521,11 @@ fn eigenvalue_errors(modal: &Modal, residual: &[f64]) -> Vec<f64> {
         let found = if modal.near_defective[k] || !quadratic.is_finite() { linear } else { quadratic.min(linear) };
         found + modal.error[k]
     };
-    residual.iter().enumerate().map(estimate).collect()
+    chosen.iter().zip(residual).map(estimate).collect()
+}
+
+fn columns(a: &Mat<c64>, chosen: &[usize]) -> Mat<c64> {
+    Mat::from_fn(a.nrows(), chosen.len(), |i, k| a[(i, chosen[k])])
 }
 
 fn beside(a: &Mat<f64>, b: MatRef<'_, f64>) -> Mat<f64> {

@@ -99,6 +99,37 @@ impl Modal {
         let elastic = self.kind.iter().zip(&self.error).filter(|(kind, _)| **kind != Kind::Rigid);
         elastic.into_iter().any(|(_, error)| error.is_nan() || *error > GRADED)
     }
+
+    /// Some of the modes, in ascending order, without shapes of their partners. A group that the choice cuts off keeps its number of modes,
+    /// where its last modes are those that are missing.
+    pub fn subset(&self, chosen: &[usize]) -> Modal {
+        let columns = |a: &Mat<C>| Mat::from_fn(a.nrows(), chosen.len(), |i, k| a[(i, chosen[k])]);
+        let roots = |a: &[C]| chosen.iter().map(|k| a[*k]).collect();
+        let numbers = |a: &[f64]| chosen.iter().map(|k| a[*k]).collect();
+        let group = |(first, count): &(usize, usize)| {
+            let own = |k: &usize| (*first..first + count).contains(k);
+            let (place, kept) = (chosen.iter().position(own)?, chosen.iter().filter(|k| own(k)).count());
+            let is_last = place + kept == chosen.len() && chosen[place] == *first;
+            Some((place, if is_last { *count } else { kept })).filter(|(_, count)| *count > 1)
+        };
+        Modal {
+            s: roots(&self.s),
+            partner: roots(&self.partner),
+            shape: columns(&self.shape),
+            left: self.left.as_ref().map(columns),
+            partner_mode: Vec::new(),
+            partner_shape: Mat::zeros(self.shape.nrows(), 0),
+            partner_left: None,
+            kind: chosen.iter().map(|k| self.kind[*k]).collect(),
+            near_defective: chosen.iter().map(|k| self.near_defective[*k]).collect(),
+            groups: self.groups.iter().filter_map(group).collect(),
+            backward_error: numbers(&self.backward_error),
+            condition: numbers(&self.condition),
+            error: numbers(&self.error),
+            route: self.route,
+            counts: self.counts.clone(),
+        }
+    }
 }
 
 /// A mode as the routes find it: coordinates scaled to unit mass, any normalisation.
