@@ -46,6 +46,8 @@ if TYPE_CHECKING:
 _ORDERS = {"explicit": 7, "radau": 5, "bdf": 4, "ali3p": 2, "generalized-alpha": 2}
 # gradients of two step sizes that differ by more than this (relative) have not begun to converge
 _UNRELATED = 0.3
+# Steps of a motion up to which shorter ones are made as well: fewer, longer ones may err alike. Larger: estimates take longer.
+_FEW = 20
 # a tolerance over one whose motion errs by less than half as much, of any order
 _STRICTER = 16.0
 # a tolerance beside rounding
@@ -255,13 +257,13 @@ def _estimated(
     order = float(np.median(np.abs(run.orders))) if len(run.orders) else _ORDERS[run.scheme]
     (longer, grown), (coarse, doubled) = (resampled(run, ratio, held) for ratio in (stretched(order), 2.0))
     near, far = (math.inf if d is None else d for d in (apart(lambda: longer), apart(lambda: coarse)))
-    if max(near, far) > _UNRELATED:
+    wild = max(near, far) > _UNRELATED
+    finer = apart(lambda: resampled(run, 0.5, held)[0]) if wild or len(run.times) <= _FEW else None
+    if wild:
         # longer steps may leave the region of stability, where shorter ones do not
-        finer = apart(lambda: resampled(run, 0.5, held)[0])
         return near if finer is None else 2.0 * finer
-    if made.kinks:
-        return max(near, far)
-    return step_error(near, far, order, (grown, doubled))
+    told = max(near, far) if made.kinks else step_error(near, far, order, (grown, doubled))
+    return max(told, finer or 0.0)
 
 
 def _judged(made: MotionGradient, step: float | None, rtol: float | None) -> str:
