@@ -134,3 +134,19 @@ def test_a_fold_at_a_stop_is_not_told_again_as_a_branch_point():
     broken = frequency_response(system, force=[0.5], omega=(0.9, 1.05), harmonics=101)
     (event,) = (e for e in broken.events if e.exponent is None)
     assert event.kind == "branch-point" and abs(event.omega - curve.events[1].omega) < 1e-3
+
+
+@pytest.mark.parametrize("seed", [2, 9, 11])
+def test_a_spring_without_a_contact_does_not_graze(seed):
+    """Softening springs with few harmonics, which leave open how exponents pass the axis."""
+    rng = np.random.default_rng([7, seed])
+    A, B = rng.normal(size=(2, 2)), rng.normal(size=(2, 2))
+    M, K = A @ A.T + np.eye(2), B @ B.T + 0.3 * np.eye(2)
+    force, w = 0.1 * rng.normal(size=2), rng.normal(size=2)
+    first = np.sqrt(np.linalg.eigvals(np.linalg.solve(M, K)).real.min())
+    spring = Cubic(-rng.uniform(0.05, 0.2), w=w)
+    system = MechanicalSystem(M, 0.01 * (K + M), K, elements=[spring])
+    curve = frequency_response(system, force=force, omega=(0.5 * first, 2.5 * first), harmonics=3, max_points=300)
+    assert "grazing" not in [e.kind for e in curve.events]
+    assert all(e.status == "unresolved" for e in curve.events if e.kind == "unresolved")
+    assert seed != 2 or "unresolved" in [e.kind for e in curve.events]

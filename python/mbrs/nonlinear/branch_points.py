@@ -26,8 +26,9 @@ MEANING = {
 
 @dataclass(frozen=True, eq=False)
 class Event:
-    """A special point of a branch: ``kind`` "fold", "branch-point", "neimark-sacker", "period-doubling", or "grazing" where the
-    exponents jump across the axis because a contact opens or closes.
+    """A special point of a branch: ``kind`` "fold", "branch-point", "neimark-sacker", "period-doubling", "grazing" where the
+    exponents jump across the axis because a contact opens or closes, or "unresolved" where they are on both sides of it and no motion
+    that was found has them on it, though no law has a contact or a kink: so it may be where the harmonics are too few.
 
     ``omega`` (rad/s), ``level`` and, on a branch in a parameter, its ``value`` say where, ``X`` (dof, 2H+1) is the motion
     there (built when asked for), ``exponent`` the Floquet exponent that crosses (None where it does not matter), ``index``

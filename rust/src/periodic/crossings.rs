@@ -5,6 +5,7 @@
 use num_complex::Complex64 as c64;
 
 use super::estimate::Estimate;
+use super::exponents::{Exponents, unstable};
 use super::problem::Problem;
 use super::truncation::{Judge, Motion, Verdict, gap};
 use crate::error::Result;
@@ -23,6 +24,8 @@ pub enum Kind {
     PeriodDoubling,
     /// the exponents jump across the axis: a contact opens or closes
     Grazing,
+    /// they are on both sides of the axis, and no motion that was found has them on it
+    Unresolved,
 }
 
 /// A point with its exponents.
@@ -36,7 +39,7 @@ pub struct Place {
 }
 
 impl Place {
-    pub fn exponents(&self) -> &[c64] {
+    pub fn exponents(&self) -> &Exponents {
         &self.verdict.floquet.exponents
     }
 }
@@ -50,6 +53,9 @@ pub struct Crossing {
     /// false where the truncation of the motion decides whether it lies here
     pub settled: bool,
 }
+
+/// A part of the system and the rank of one of its exponents in the order of growth.
+type Own = (usize, usize);
 
 /// A motion [y, p] with one of its exponents and its base frequency.
 struct Root {
@@ -76,16 +82,19 @@ impl Search<'_> {
             return Ok(());
         };
         let w0 = self.problem.base_frequency();
-        if unstable(a.exponents(), w0) != unstable(b.exponents(), w0) {
+        if a.exponents().changing().any(|part| changes(a, b, part, w0)) {
             return self.between(a, b);
         }
         let segment = Segment::new(&a.point, &b.point, self.options);
         let length = |p: &Place, q: &Place| Segment::new(&p.point, &q.point, self.options).length();
         let left = before.as_ref().map(|p| (length(p, a), p.exponents()));
         let right = after.as_ref().map(|p| (length(b, p), p.exponents()));
-        let Some(fraction) = possible_crossing([left, right], (a.exponents(), b.exponents()), segment.length(), w0)
-            .filter(|_| trials > 0)
-        else {
+        let reaches = |part: usize| {
+            let ends = (a.exponents().part(part), b.exponents().part(part));
+            let outer = [left, right].map(|side| side.map(|(at, exponents)| (at, exponents.part(part))));
+            possible_crossing(outer, ends, segment.length(), w0)
+        };
+        let Some(fraction) = a.exponents().changing().find_map(reaches).filter(|_| trials > 0) else {
             return Ok(());
         };
         let Some(point) = segment.point(self.problem, self.work, fraction)? else {
@@ -120,14 +129,18 @@ impl Search<'_> {
     /// Roots that cross the imaginary axis otherwise than through zero, between two places of the branch.
     pub fn between(&mut self, a: &Place, b: &Place) -> Result<()> {
         let w0 = self.problem.base_frequency();
-        if !changes(a, b, w0) {
-            return Ok(());
-        }
+        let parts: Vec<usize> = a.exponents().changing().filter(|part| changes(a, b, *part, w0)).collect();
+        parts.into_iter().try_for_each(|part| self.of_part(a, b, part))
+    }
+
+    /// Those of one part of the system.
+    fn of_part(&mut self, a: &Place, b: &Place, part: usize) -> Result<()> {
+        let w0 = self.problem.base_frequency();
         let segment = Segment::new(&a.point, &b.point, self.options);
         let settled = a.verdict.settled && b.verdict.settled;
         let mut found: Vec<(f64, c64)> = Vec::new();
-        for rank in crossing_ranks(a, b, w0) {
-            let Some((point, root)) = self.axis_crossing(a, b, rank)? else {
+        for rank in crossing_ranks(a.exponents().part(part), b.exponents().part(part), w0) {
+            let Some((point, root)) = self.axis_crossing(a, b, (part, rank))? else {
                 continue;
             };
             let at = segment.distance(&point);
@@ -140,38 +153,40 @@ impl Search<'_> {
                 self.push(root, EXPONENT, settled);
             }
         }
-        if found.is_empty() { self.border(a, b, settled) } else { Ok(()) }
+        if found.is_empty() { self.border(a, b, part, settled) } else { Ok(()) }
     }
 
     /// The kind follows from where the root crosses, if it does so within a fraction of the base frequency.
     fn push(&mut self, Root { z, exponent, w0 }: Root, axis: f64, settled: bool) {
-        let kind = crossing(exponent, w0, axis);
+        let contact = self.problem.elements.iter().any(|element| element.force.has_contact());
+        let kind = crossing(exponent, w0, axis, contact);
+        let settled = settled && kind != Kind::Unresolved;
         self.found.push(Crossing { kind, z, exponent, settled });
     }
 
     /// Where the growth of the root with this rank vanishes or jumps through zero, and the root there: with twice as many harmonics until
     /// the root of that point is on the axis with twice as many again.
-    fn axis_crossing(&mut self, a: &Place, b: &Place, rank: usize) -> Result<Option<(Point, Root)>> {
+    fn axis_crossing(&mut self, a: &Place, b: &Place, (part, rank): Own) -> Result<Option<(Point, Root)>> {
         let w0 = self.problem.base_frequency();
-        let crossed = [a, b].map(|place| ranked(place.exponents(), rank)).into_iter().find(|s| s.re > 0.0);
+        let crossed = [a, b].map(|place| ranked(place.exponents().part(part), rank)).into_iter().find(|s| s.re > 0.0);
         let through = crossed.and_then(|s| real_multiplier(s, w0));
-        let side = |exponents: &[c64], w0: f64| growth_side(exponents, rank, w0, through);
+        let side = |exponents: &Exponents, w0: f64| growth_side(exponents.part(part), rank, w0, through);
         let mut ends = [a, b].map(|place| (place.point.clone(), side(place.exponents(), w0)));
         let mut level = a.verdict.level.max(b.verdict.level);
-        let mut found = self.zero(&ends, (rank, &side), level)?;
+        let mut found = self.zero(&ends, ((part, rank), &side), level)?;
         let truncated = a.verdict.truncated || b.verdict.truncated;
         while let Some(point) = found.as_ref().map(|(point, _)| point.clone()).filter(|_| truncated)
             && self.judge.has_level(level + 1, self.problem, &a.estimate)?
         {
             level += 1;
             let Motion { exponents, w0, .. } = self.motion(&point, level)?;
-            let growth = ranked(&exponents, rank).re;
+            let growth = ranked(exponents.part(part), rank).re;
             // also where there is no motion with so many harmonics
             if growth.is_nan() || growth.abs() <= NEUTRAL * w0 {
                 break;
             }
             ends[usize::from(growth * ends[0].1 < 0.0)] = (point, side(&exponents, w0));
-            found = self.zero(&ends, (rank, &side), level)?.or(found);
+            found = self.zero(&ends, ((part, rank), &side), level)?.or(found);
         }
         Ok(found)
     }
@@ -181,7 +196,7 @@ impl Search<'_> {
     fn zero(
         &mut self,
         ends: &[(Point, f64); 2],
-        (rank, side): (usize, &impl Fn(&[c64], f64) -> f64),
+        ((part, rank), side): (Own, &impl Fn(&Exponents, f64) -> f64),
         level: usize,
     ) -> Result<Option<(Point, Root)>> {
         let [(a, first), (b, last)] = ends;
@@ -189,7 +204,7 @@ impl Search<'_> {
         let growth = |problem: &mut Problem, point: &Point, out: &Linearisation| -> Result<(f64, Root)> {
             problem.set_parameter(point.p())?;
             let Motion { z, exponents, w0 } = judge.at_level(problem, out, point.into(), level)?;
-            let exponent = ranked(&exponents, rank);
+            let exponent = ranked(exponents.part(part), rank);
             Ok((side(&exponents, w0), Root { z, exponent, w0 }))
         };
         Segment::new(a, b, self.options).zero(self.problem, self.work, self.cancel, (*first, *last), growth)
@@ -198,7 +213,7 @@ impl Search<'_> {
     /// The border of stability between two places of which one has roots on the axis, as those of undamped systems are: there the
     /// growth has no sign that changes, so that the border is bracketed by the number of growing roots; with as many harmonics as
     /// there may be where the truncation moves them.
-    fn border(&mut self, a: &Place, b: &Place, settled: bool) -> Result<()> {
+    fn border(&mut self, a: &Place, b: &Place, part: usize, settled: bool) -> Result<()> {
         let mut level = a.verdict.level.max(b.verdict.level);
         while (a.verdict.truncated || b.verdict.truncated)
             && self.judge.has_level(level + 1, self.problem, &a.estimate)?
@@ -206,23 +221,23 @@ impl Search<'_> {
             level += 1;
         }
         let w0 = self.problem.base_frequency();
-        let (first, mut known) = (unstable(a.exponents(), w0), true);
+        let (first, mut known) = (unstable(a.exponents().part(part), w0), true);
         let judge = &mut *self.judge;
         let side = |problem: &mut Problem, point: &Point, out: &Linearisation| -> Result<f64> {
             problem.set_parameter(point.p())?;
             let found = judge.at_level(problem, out, point.into(), level)?;
-            known &= !found.exponents.is_empty();
-            let like_first = unstable(&found.exponents, found.w0) == first;
-            Ok(apart(&found.exponents, found.w0) * if like_first { 1.0 } else { -1.0 })
+            known &= found.exponents.is_known();
+            let own = found.exponents.part(part);
+            Ok(apart(own, found.w0) * if unstable(own, found.w0) == first { 1.0 } else { -1.0 })
         };
         let segment = Segment::new(&a.point, &b.point, self.options);
-        let ends = (apart(a.exponents(), w0), -apart(b.exponents(), w0));
+        let ends = (apart(a.exponents().part(part), w0), -apart(b.exponents().part(part), w0));
         let jump = segment.jump(self.problem, self.work, self.cancel, ends, side)?;
         let (Jump::Between { before, after, .. }, true) = (jump, known) else {
             return Ok(());
         };
         let (here, Motion { z, exponents, w0 }) = (self.motion(&before, level)?, self.motion(&after, level)?);
-        let (here, there) = (ranked(&here.exponents, 0), ranked(&exponents, 0));
+        let (here, there) = (ranked(here.exponents.part(part), 0), ranked(exponents.part(part), 0));
         let (calm, exponent) = if here.re <= there.re { (here, there) } else { (there, here) };
         // on the axis on one side and near it on the other, where two that meet part like the root of the distance: otherwise
         // the exponents jump
@@ -232,33 +247,24 @@ impl Search<'_> {
     }
 }
 
-/// Exponents with a positive real part.
-pub fn unstable(exponents: &[c64], w0: f64) -> usize {
-    exponents.iter().filter(|s| s.re > NEUTRAL * w0).count()
-}
-
-/// Whether the number of growing exponents changes between two places; the one that is zero at a fold or branch point does so too,
-/// and does not count.
-fn changes(a: &Place, b: &Place, w0: f64) -> bool {
+/// Whether the number of growing exponents of a part changes between two places; the one that is zero at a fold or branch point does so
+/// too, and does not count.
+fn changes(a: &Place, b: &Place, part: usize, w0: f64) -> bool {
+    let zero = |place: &Place| place.exponents().zero().filter(|(own, _)| place.zero && *own == part).map(|(_, i)| i);
     let others = |place: &Place| {
-        let mut exponents = place.exponents().to_vec();
-        if let Some(least) = least(&exponents).filter(|_| place.zero) {
+        let mut exponents = place.exponents().part(part).to_vec();
+        if let Some(least) = zero(place) {
             exponents.swap_remove(least);
         }
         unstable(&exponents, w0) as i64
     };
     let change = others(a) - others(b);
-    match (a.zero, b.zero) {
+    match (zero(a).is_some(), zero(b).is_some()) {
         (false, false) => change != 0,
         (false, true) => !(0..=1).contains(&change),
         (true, false) => !(-1..=0).contains(&change),
         (true, true) => change.abs() >= 2,
     }
-}
-
-/// The exponent that is nearest to zero.
-pub fn least(exponents: &[c64]) -> Option<usize> {
-    (0..exponents.len()).min_by(|i, j| exponents[*i].norm().total_cmp(&exponents[*j].norm()))
 }
 
 /// Where between two places a root may have crossed the axis and come back, as a fraction of the way. A growth that rises to an
@@ -295,12 +301,12 @@ fn nearest(exponents: &[c64], to: c64) -> Option<c64> {
 }
 
 /// The exponents, in the order of growth, whose growth changes its sign between two places.
-fn crossing_ranks(a: &Place, b: &Place, w0: f64) -> Vec<usize> {
+fn crossing_ranks(a: &[c64], b: &[c64], w0: f64) -> Vec<usize> {
     let signs = |rank: &usize| {
-        let (x, y) = (ranked(a.exponents(), *rank).re, ranked(b.exponents(), *rank).re);
+        let (x, y) = (ranked(a, *rank).re, ranked(b, *rank).re);
         x * y < 0.0 && x.abs().min(y.abs()) > NEUTRAL * w0
     };
-    (0..a.exponents().len()).filter(signs).collect()
+    (0..a.len()).filter(signs).collect()
 }
 
 /// 1 or -1 where this is the multiplier's sign and it is real.
@@ -348,10 +354,10 @@ fn ranked(exponents: &[c64], rank: usize) -> c64 {
     sorted.get(rank).copied().unwrap_or(c64::new(f64::NAN, 0.0))
 }
 
-/// The bifurcation where an exponent is on the imaginary axis.
-fn crossing(exponent: c64, w0: f64, axis: f64) -> Kind {
+/// The bifurcation where an exponent is on the imaginary axis; beside it a contact has made it jump, if there is one.
+fn crossing(exponent: c64, w0: f64, axis: f64, contact: bool) -> Kind {
     if exponent.re.is_nan() || exponent.re.abs() > axis * w0 {
-        Kind::Grazing
+        if contact { Kind::Grazing } else { Kind::Unresolved }
     } else if (exponent.im.abs() / w0 - 0.5).abs() < RESONANT {
         Kind::PeriodDoubling
     } else if exponent.im.abs() < RESONANT * w0 {
@@ -368,10 +374,12 @@ mod tests {
     #[test]
     fn where_an_exponent_crosses_tells_the_kind() {
         let w0 = 3.7;
-        let kind = |re: f64, im: f64| crossing(c64::new(re * w0, im * w0), w0, EXPONENT);
+        let kind = |re: f64, im: f64| crossing(c64::new(re * w0, im * w0), w0, EXPONENT, true);
         assert_eq!([1e-5, 1e-3].map(|im| kind(0.0, im)), [Kind::BranchPoint, Kind::NeimarkSacker]);
         assert_eq!([1e-5, 1e-3].map(|off| kind(0.0, 0.5 - off)), [Kind::PeriodDoubling, Kind::NeimarkSacker]);
         assert_eq!([1e-7, 1e-5].map(|re| kind(re, 0.0)), [Kind::BranchPoint, Kind::Grazing]);
+        let smooth = [1e-5, f64::NAN].map(|re| crossing(c64::new(re * w0, 0.0), w0, EXPONENT, false));
+        assert_eq!(smooth, [Kind::Unresolved; 2]);
     }
 
     /// Two exponents that meet at 0 and part like a root: the growth of one of them vanishes at d = c^2, where the side is a straight line.
@@ -392,12 +400,6 @@ mod tests {
         }
         assert_eq!(side(c * c, 0.0), 0.0);
         assert_eq!(real_multiplier(c64::new(0.1, 0.3 * w0), w0), None);
-    }
-
-    #[test]
-    fn growth_counts_from_its_bound_on() {
-        let w0 = 3.7;
-        assert_eq!(unstable(&[1e-10, 1e-8, -1e-8].map(|r| c64::new(r * w0, 1.0)), w0), 1);
     }
 
     /// Four places on a growth like h - s^2, beside a root that grows like none of them and lies nearer to zero.

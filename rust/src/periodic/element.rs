@@ -6,7 +6,7 @@ use num_dual::Dual64;
 
 use super::linear::DynamicStiffness;
 use crate::error::Result;
-use crate::force::AnyLaw;
+use crate::force::{AnyLaw, Class};
 
 /// A relative displacement u = w . x: coordinates with their weights.
 pub type Direction = Vec<(usize, f64)>;
@@ -25,6 +25,11 @@ pub trait Sampled: Send + Sync {
 
     /// Forces and their slopes by u and v at n samples: u, v and f (m, n), slopes (m, m, n).
     fn evaluate(&self, u: &[f64], v: &[f64], f: &mut [f64], f_u: &mut [f64], f_v: &mut [f64]) -> Result<()>;
+
+    /// Whether its slopes jump somewhere; false also where that is not known.
+    fn has_kinks(&self) -> bool {
+        false
+    }
 }
 
 /// The law of an element.
@@ -59,6 +64,14 @@ impl Force {
         match self {
             Force::Known { law, .. } => law.uses_velocity(),
             Force::Sampled(_) => true,
+        }
+    }
+
+    /// Whether a contact, or a kink of a function, makes its slopes jump.
+    pub fn has_contact(&self) -> bool {
+        match self {
+            Force::Known { law, .. } => law.class() == Class::Contact,
+            Force::Sampled(law) => law.has_kinks(),
         }
     }
 

@@ -16,6 +16,7 @@ mod contact;
 pub mod crossings;
 pub mod element;
 pub mod estimate;
+pub mod exponents;
 pub mod factor;
 pub mod family;
 pub mod grid;

@@ -9,6 +9,7 @@
 //! multipliers of another.
 use faer::Mat;
 use faer::prelude::*;
+use num_complex::Complex64 as c64;
 
 use super::propagator::{Modes, States};
 use crate::error::{Error, Result};
@@ -17,6 +18,8 @@ use crate::periodic::linear::Matrices;
 use crate::periodic::problem::Problem;
 use crate::periodic::rows::{join, root};
 use crate::periodic::tangents::{Deviation, Pair, Tangents};
+use crate::second_order::SecondOrder;
+use crate::second_order::modal::modes;
 use crate::tolerances::periodic::MONODROMY;
 
 /// Coarsest number of steps per period, and how often it is doubled at most.
@@ -43,6 +46,8 @@ struct Part {
     coordinates: Coordinates,
     /// sqrt(M_ii): coordinates of any units are compared as momenta are
     unit: Vec<f64>,
+    /// the eigenvalues of a linear part, which need no steps
+    poles: Option<Vec<c64>>,
 }
 
 enum Coordinates {
@@ -56,6 +61,8 @@ pub struct Monodromy {
     pub matrix: Mat<f64>,
     /// the sum of the exponents (Liouville)
     pub sum: f64,
+    /// of the finest product
+    pub steps: usize,
 }
 
 impl Splitting {
@@ -71,29 +78,44 @@ impl Splitting {
         2 * self.n
     }
 
-    /// Of each part that nothing connects with another, along the motion y.
-    pub fn monodromy(&mut self, problem: &mut Problem, y: &[f64]) -> Result<Vec<Monodromy>> {
+    /// Coordinates of each part that nothing connects with another.
+    pub fn coordinates(&self) -> impl Iterator<Item = &[usize]> {
+        self.parts.iter().map(|part| part.own.as_slice())
+    }
+
+    /// The eigenvalues of a part that is linear.
+    pub fn poles(&self, part: usize) -> Option<&[c64]> {
+        self.parts[part].poles.as_deref()
+    }
+
+    /// Of these parts, along the motion y.
+    pub fn monodromy(&mut self, problem: &mut Problem, y: &[f64], wanted: &[usize]) -> Result<Vec<Monodromy>> {
+        if wanted.is_empty() {
+            return Ok(Vec::new());
+        }
+        let parts: Vec<usize> = wanted.to_vec();
         let w0 = problem.base_frequency();
         let top = problem.basis.reach()[0].max(1);
         let coarsest = COARSEST.max((2 * top + 2).next_power_of_two());
-        let mut tables: Vec<Table> = self.parts.iter().map(|_| Table::default()).collect();
+        let mut tables: Vec<Table> = parts.iter().map(|_| Table::default()).collect();
         for level in 0..=DOUBLINGS {
             let steps = coarsest << level;
             let tangents = self.tangents(problem, y, level, steps)?;
             self.finest = steps;
-            for (part, table) in self.parts.iter().zip(&mut tables).filter(|(_, table)| !table.settled) {
-                part.refine(table, &tangents, steps, w0);
+            for (part, table) in parts.iter().zip(&mut tables).filter(|(_, table)| !table.settled) {
+                self.parts[*part].refine(table, &tangents, steps, w0);
             }
             if tables.iter().all(|table| table.settled) {
                 break;
             }
         }
-        let made = self.parts.iter().zip(&tables).map(|(part, table)| {
+        let made = parts.iter().zip(&tables).map(|(part, table)| {
+            let part = &self.parts[*part];
             let n = part.own.len();
             let unit = |i: usize| if i < n { 1.0 / part.unit[i] } else { w0 / part.unit[i - n] };
             let best = table.best()?;
             let matrix = Mat::from_fn(2 * n, 2 * n, |i, j| best[(i, j)] * unit(i) / unit(j));
-            Some(Monodromy { own: part.own.clone(), matrix, sum: table.sum })
+            Some(Monodromy { own: part.own.clone(), matrix, sum: table.sum, steps: table.steps })
         });
         made.collect::<Option<_>>().ok_or_else(|| Error::singular("the monodromy matrix has no steps"))
     }
@@ -103,26 +125,26 @@ impl Splitting {
         &mut self,
         problem: &mut Problem,
         y: &[f64],
+        wanted: &[usize],
         samplers: &mut Vec<Aft>,
     ) -> Result<Vec<Monodromy>> {
         let finest = self.finest;
         std::mem::swap(&mut self.samplers, samplers);
-        let parts = self.monodromy(problem, y);
+        let parts = self.monodromy(problem, y, wanted);
         std::mem::swap(&mut self.samplers, samplers);
         self.finest = finest;
         parts
     }
 
-    /// Per part of the system the number of its exponents and by how much deviations of its tangents change M^-1 K and M^-1 C w0, as
-    /// one of its modes sees it in the mean.
-    pub fn changes(&self, deviations: &[Deviation], w0: f64) -> Vec<(usize, f64)> {
+    /// By how much deviations of the tangents of each part change its M^-1 K and M^-1 C w0, as one of its modes sees it in the mean.
+    pub fn changes(&self, deviations: &[Deviation], w0: f64) -> Vec<f64> {
         let one = |(e, own): (&usize, &f64)| {
             let [stiffness, damping] = deviations[*e].changes;
             own * (stiffness + w0 * damping)
         };
         let of = |part: &Part| {
             let sum: f64 = part.pairs.iter().zip(&part.rate_traces).map(one).sum();
-            (2 * part.own.len(), sum / part.own.len() as f64)
+            sum / part.own.len() as f64
         };
         self.parts.iter().map(of).collect()
     }
@@ -141,12 +163,13 @@ struct Table {
     last: Vec<Mat<f64>>,
     change: f64,
     sum: f64,
+    steps: usize,
     settled: bool,
 }
 
 impl Default for Table {
     fn default() -> Self {
-        Table { last: Vec::new(), change: f64::INFINITY, sum: 0.0, settled: false }
+        Table { last: Vec::new(), change: f64::INFINITY, sum: 0.0, steps: 0, settled: false }
     }
 }
 
@@ -190,6 +213,7 @@ impl Part {
         let belongs = |at: &usize| problem.retained()[all[*at].element].iter().flatten().any(|(i, _)| own.contains(i));
         let pairs: Vec<usize> = (0..all.len()).filter(belongs).collect();
         let n_e = pairs.len();
+        let poles = if n_e == 0 { eigenvalues(&mass, &of(damping), &of(stiffness)) } else { None };
         let columns = |coordinate: fn(Pair) -> usize| {
             let mut out = Mat::<f64>::zeros(n, n_e);
             for (column, at) in pairs.iter().enumerate() {
@@ -214,6 +238,7 @@ impl Part {
             unit: (0..n).map(|i| mass[(i, i)].abs().sqrt()).collect(),
             own,
             pairs,
+            poles,
         })
     }
 
@@ -226,10 +251,20 @@ impl Part {
             Coordinates::Modes(modes) => modes.product(&tangents, steps, w0),
             Coordinates::States(states) => states.product(&tangents, steps, w0),
         };
+        table.steps = steps;
         let n = self.own.len();
         let unit = |i: usize| self.unit[i % n];
         table.add(Mat::from_fn(2 * n, 2 * n, |i, j| product[(i, j)] * (unit(i) / unit(j))));
     }
+}
+
+/// All roots of a linear system; None where its mass is not positive.
+fn eigenvalues(m: &Mat<f64>, c: &Mat<f64>, k: &Mat<f64>) -> Option<Vec<c64>> {
+    let half = |a: &Mat<f64>, sign: f64| (a + a.transpose() * Scale(sign)) * Scale(0.5);
+    let halves = |a: &Mat<f64>| (half(a, 1.0), half(a, -1.0));
+    let ((c, g), (k, n)) = (halves(c), halves(k));
+    let found = modes(&SecondOrder::new(half(m, 1.0), Some(c), Some(g), k, Some(n)).ok()?).ok()?;
+    Some(found.s.into_iter().chain(found.partner).collect())
 }
 
 /// Coordinates by the parts that entries of the matrices or elements connect.

@@ -2,7 +2,7 @@
 use num_complex::Complex64 as c64;
 
 use super::basis::Finer;
-use super::crossings::{Crossing, Kind, Place, Search, unstable};
+use super::crossings::{Crossing, Kind, Place, Search};
 use super::estimate::{Estimate, Estimator};
 use super::linear::Matrices;
 use super::problem::Problem;
@@ -297,9 +297,9 @@ impl Follower {
         let events = &mut self.events[first..];
         *event = !events.is_empty();
         let w0 = self.problem.base_frequency();
-        let change = unstable(a.exponents(), w0) + unstable(b.exponents(), w0);
+        let change = a.exponents().unstable(w0) + b.exponents().unstable(w0);
         let crossings: usize = events.iter().map(|event| usize::from(event.kind != Kind::NeimarkSacker)).sum();
-        let jumps = events.iter().any(|event| event.kind == Kind::Grazing);
+        let jumps = events.iter().any(|event| matches!(event.kind, Kind::Grazing | Kind::Unresolved));
         let (a, b) = (&a.verdict, &b.verdict);
         let contrary = a.level.max(b.level) > 0 && !jumps && (change + crossings) % 2 == 1;
         if contrary || !a.settled || !b.settled {

@@ -4,11 +4,13 @@
 //! between cosine and sine plus the rate part of the laws. Of its 2 n (2H + 1) roots the 2 n of smallest |Im| are the exponents.
 //! Their sum must be -tr M^-1 (C + mean rate tangent) (Liouville): where it is not, the truncation has mixed up the roots and the
 //! monodromy matrix is integrated instead. So it is where Hill's matrix would be large, for condensed problems, and along a branch
-//! on whose first point both agree, since for smooth laws it costs less.
+//! on whose first point both agree, since for smooth laws it costs less. Each part of a system that nothing connects with another is told
+//! by itself, and a linear one by its eigenvalues.
 use faer::Mat;
 use faer::prelude::*;
 use num_complex::Complex64 as c64;
 
+use super::exponents::{Exponents, Own};
 use super::monodromy::{Monodromy, Splitting};
 use crate::error::{Error, Result};
 use crate::linalg::balance::Balanced;
@@ -26,7 +28,8 @@ const FEW_STEPS: usize = 512;
 /// Exponents (1/s), and by which way they were found.
 #[derive(Debug, Clone)]
 pub struct Floquet {
-    pub exponents: Vec<c64>,
+    pub exponents: Exponents,
+    /// false where a part was integrated
     pub by_hill: bool,
     /// a contact opens or closes within the error of the motion, or is shorter than the steps resolve: the exponents may be others
     pub doubtful: bool,
@@ -34,14 +37,20 @@ pub struct Floquet {
 
 /// What the stability of the solutions of one problem needs.
 pub struct Stability {
-    inertia: Option<Inertia>,
     splitting: Splitting,
-    /// whether the two ways have agreed, once that is known
-    agreed: Option<bool>,
+    parts: Vec<Way>,
     /// as fine as what told the exponents last
     sampler: Option<Aft>,
     /// parameter of the system that the matrices belong to, where they depend on it
     value: Option<f64>,
+}
+
+/// How the exponents of a part are told.
+struct Way {
+    /// None where Hill's matrix is not at hand, or large
+    inertia: Option<Inertia>,
+    /// whether it has agreed with the monodromy matrix, once that is known
+    agreed: Option<bool>,
 }
 
 impl Stability {
@@ -61,9 +70,11 @@ impl Stability {
         };
         let splitting = Splitting::new(problem, matrices)?;
         let value = problem.family.as_ref().map(|f| f.value);
-        let small = 2 * problem.n() * problem.basis.n_coefficients() <= LARGEST_HILL;
-        let inertia = if small && splitting.size() == 2 * problem.n() { Inertia::new(problem) } else { None };
-        Ok(Some(Stability { inertia, splitting, agreed: None, sampler: None, value }))
+        let all = splitting.size() == 2 * problem.n();
+        let small = |own: &[usize]| all && 2 * own.len() * problem.basis.n_coefficients() <= LARGEST_HILL;
+        let inertia = |own: &[usize]| if small(own) { Inertia::new(problem, own) } else { None };
+        let parts = splitting.coordinates().map(|own| Way { inertia: inertia(own), agreed: None }).collect();
+        Ok(Some(Stability { splitting, parts, sampler: None, value }))
     }
 
     /// Follows a system that depends on the parameter.
@@ -71,9 +82,8 @@ impl Stability {
         if self.value != problem.family.as_ref().map(|f| f.value)
             && let Some(renewed) = Stability::new(problem, None)?
         {
-            let agreed = self.agreed;
-            *self = renewed;
-            self.agreed = agreed;
+            let known = std::mem::replace(self, renewed).parts;
+            self.parts.iter_mut().zip(known).for_each(|(way, known)| way.agreed = known.agreed);
         }
         Ok(())
     }
@@ -81,54 +91,83 @@ impl Stability {
     /// Exponents of the solution y; `jacobian` is dR/dy there.
     pub fn exponents(&mut self, problem: &mut Problem, jacobian: MatRef<'_, f64>, y: &[f64]) -> Result<Floquet> {
         self.renew(problem)?;
-        if let (Some(inertia), None | Some(false)) = (&self.inertia, self.agreed) {
-            let rate = problem.rate_matrix(y)?;
-            let exponents = hill(problem, inertia, jacobian, rate.as_ref())?;
-            if inertia.trace_fits(problem, &rate, &exponents) {
-                if self.agreed.is_none() {
-                    let parts = self.splitting.monodromy(problem, y)?;
-                    let period = std::f64::consts::TAU / problem.base_frequency();
-                    let cheap = self.splitting.finest <= FEW_STEPS;
-                    self.agreed = Some(cheap && agree(&exponents, period, &parts)?);
-                }
-                return Ok(Floquet { exponents, by_hill: true, doubtful: false });
-            }
+        let by_hill = self.by_hill(problem, jacobian, y)?;
+        let unknown = |part: &usize| by_hill[*part].is_none() && self.splitting.poles(*part).is_none();
+        let needed: Vec<usize> = (0..self.parts.len()).filter(unknown).collect();
+        let unchecked = |part: &usize| by_hill[*part].is_some() && self.parts[*part].agreed.is_none();
+        let checked: Vec<usize> = (0..self.parts.len()).filter(unchecked).collect();
+        let made = self.splitting.monodromy(problem, y, &[needed.as_slice(), &checked].concat())?;
+        let (integrated, checks) = made.split_at(needed.len());
+        for (part, check) in checked.iter().zip(checks) {
+            let period = std::f64::consts::TAU / problem.base_frequency();
+            let exponents = by_hill[*part].as_deref().unwrap_or_default();
+            self.parts[*part].agreed = Some(check.steps <= FEW_STEPS && agree(exponents, period, check)?);
         }
-        let exponents = self.integrated(problem, y, None)?;
-        if self.agreed == Some(true) && self.splitting.finest > FEW_STEPS {
-            self.agreed = Some(false);
+        for (part, made) in needed.iter().zip(integrated) {
+            let way = &mut self.parts[*part];
+            way.agreed = way.agreed.map(|agreed| agreed && made.steps <= FEW_STEPS);
         }
-        Ok(Floquet { exponents, by_hill: false, doubtful: false })
+        let exponents = self.gather(problem, by_hill, &needed, integrated)?;
+        Ok(Floquet { exponents, by_hill: needed.is_empty(), doubtful: false })
     }
 
-    /// Exponents by integration over a period; a motion with other terms has samplers of its own.
-    pub fn integrated(
-        &mut self,
-        problem: &mut Problem,
-        y: &[f64],
-        samplers: Option<&mut Vec<Aft>>,
-    ) -> Result<Vec<c64>> {
-        let parts = match samplers {
-            Some(samplers) => self.splitting.monodromy_with(problem, y, samplers)?,
-            None => self.splitting.monodromy(problem, y)?,
+    /// Exponents of the parts that Hill's problem tells.
+    fn by_hill(&self, problem: &mut Problem, jacobian: MatRef<'_, f64>, y: &[f64]) -> Result<Vec<Option<Vec<c64>>>> {
+        let mut rate = None;
+        let one = |(part, way): (usize, &Way)| {
+            let (Some(inertia), None, None | Some(false)) = (&way.inertia, self.splitting.poles(part), way.agreed)
+            else {
+                return Ok(None);
+            };
+            let rate = match &rate {
+                Some(rate) => rate,
+                None => rate.insert(problem.rate_matrix(y)?),
+            };
+            let (jacobian, rate) = (inertia.of(problem, jacobian), inertia.of(problem, rate.as_ref()));
+            let exponents = hill(problem, inertia, &jacobian, &rate)?;
+            Ok(Some(exponents).filter(|exponents| inertia.trace_fits(problem, &rate, exponents)))
         };
-        let mut exponents = Vec::with_capacity(self.splitting.size());
-        for part in &parts {
-            exponents.extend(from_monodromy(&part.matrix, part.sum, problem.base_frequency())?);
+        self.parts.iter().enumerate().map(one).collect()
+    }
+
+    /// Exponents of all parts, of which these were integrated.
+    fn gather(
+        &self,
+        problem: &Problem,
+        mut known: Vec<Option<Vec<c64>>>,
+        needed: &[usize],
+        integrated: &[Monodromy],
+    ) -> Result<Exponents> {
+        let w0 = problem.base_frequency();
+        for (part, made) in needed.iter().zip(integrated) {
+            known[*part] = Some(from_monodromy(&made.matrix, made.sum, w0)?);
         }
-        Ok(exponents)
+        let one = |(part, roots): (usize, Option<Vec<c64>>)| match self.splitting.poles(part) {
+            Some(poles) => {
+                let folded = |s: &c64| c64::new(s.re, s.im - w0 * (s.im / w0).round());
+                Own { roots: poles.iter().map(folded).collect(), constant: self.value.is_none() }
+            }
+            None => Own { roots: roots.unwrap_or_default(), constant: false },
+        };
+        Ok(Exponents(known.into_iter().enumerate().map(one).collect()))
+    }
+
+    /// Exponents by integration over a period of a motion with other terms, which has samplers of its own.
+    pub fn integrated(&mut self, problem: &mut Problem, y: &[f64], samplers: &mut Vec<Aft>) -> Result<Exponents> {
+        let needed: Vec<usize> = (0..self.parts.len()).filter(|part| self.splitting.poles(*part).is_none()).collect();
+        let made = self.splitting.monodromy_with(problem, y, &needed, samplers)?;
+        self.gather(problem, vec![None; self.parts.len()], &needed, &made)
     }
 
     /// What deviations of the coordinates of the motion y leave open: whether contacts open or close within them, or last too short
-    /// for the samples that told its exponents, and per part of the system the number of its exponents and the change of the
-    /// stiffness along the motion, 1/s^2.
+    /// for the samples that told its exponents, and per part of the system the change of the stiffness along the motion, 1/s^2.
     pub fn deviate(
         &mut self,
         problem: &mut Problem,
         y: &[f64],
         deviations: &[f64],
         by_hill: bool,
-    ) -> Result<(bool, Vec<(usize, f64)>)> {
+    ) -> Result<(bool, Vec<f64>)> {
         let samples = if by_hill { problem.dims()[0] } else { self.splitting.finest };
         let mut sampler = match self.sampler.take() {
             Some(sampler) if sampler.dims()[0] == samples => sampler,
@@ -144,7 +183,8 @@ impl Stability {
     pub fn monodromy(&mut self, problem: &mut Problem, y: &[f64]) -> Result<Mat<f64>> {
         let n = self.splitting.size() / 2;
         let mut phi = Mat::zeros(2 * n, 2 * n);
-        for part in self.splitting.monodromy(problem, y)? {
+        let all: Vec<usize> = (0..self.parts.len()).collect();
+        for part in self.splitting.monodromy(problem, y, &all)? {
             let m = part.own.len();
             let at = |i: usize| part.own[i % m] + n * (i / m);
             (0..2 * m).for_each(|i| (0..2 * m).for_each(|j| phi[(at(i), at(j))] = part.matrix[(i, j)]));
@@ -179,21 +219,34 @@ fn represents(problem: &mut Problem, model: &Matrices) -> Result<bool> {
     Ok(true)
 }
 
+/// Of one part of a system.
 struct Inertia {
+    own: Vec<usize>,
     mass: Mat<f64>,
     damping: Mat<f64>,
     inverse: Mat<f64>,
 }
 
 impl Inertia {
-    fn new(problem: &Problem) -> Option<Inertia> {
+    fn new(problem: &Problem, own: &[usize]) -> Option<Inertia> {
         let (mass, damping, _) = problem.linear.matrices()?;
-        let inverse = mass.partial_piv_lu().solve(Mat::<f64>::identity(mass.nrows(), mass.nrows()));
-        Some(Inertia { mass, damping, inverse })
+        let (n, own) = (own.len(), own.to_vec());
+        let of = |a: &Mat<f64>| Mat::from_fn(n, n, |i, j| a[(own[i], own[j])]);
+        let (mass, damping) = (of(&mass), of(&damping));
+        let inverse = mass.partial_piv_lu().solve(Mat::<f64>::identity(n, n));
+        Some(Inertia { own, mass, damping, inverse })
+    }
+
+    /// The rows and columns of its coordinates, of all terms.
+    fn of(&self, problem: &Problem, a: MatRef<'_, f64>) -> Mat<f64> {
+        let (all, n) = (problem.n(), self.own.len());
+        let at = |i: usize| i / n * all + self.own[i % n];
+        let size = a.nrows() / all * n;
+        Mat::from_fn(size, size, |i, j| a[(at(i), at(j))])
     }
 
     fn trace_fits(&self, problem: &Problem, rate: &Mat<f64>, exponents: &[c64]) -> bool {
-        let n = problem.n();
+        let n = self.own.len();
         let mut trace = 0.0;
         for i in 0..n {
             for j in 0..n {
@@ -205,11 +258,11 @@ impl Inertia {
     }
 }
 
-fn hill(problem: &Problem, inertia: &Inertia, jacobian: MatRef<'_, f64>, rate: MatRef<'_, f64>) -> Result<Vec<c64>> {
-    let (n, size) = (problem.n(), jacobian.nrows());
+fn hill(problem: &Problem, inertia: &Inertia, jacobian: &Mat<f64>, rate: &Mat<f64>) -> Result<Vec<c64>> {
+    let (n, size) = (inertia.own.len(), jacobian.nrows());
     let w0 = problem.base_frequency();
     let frequencies = problem.basis.frequencies(&problem.omega);
-    let mut d1 = rate.to_owned();
+    let mut d1 = rate.clone();
     for c in 0..size / n {
         let partner = if c == 0 { 0 } else { c - 1 + 2 * (c % 2) };
         for i in 0..n {
@@ -248,17 +301,13 @@ fn hill(problem: &Problem, inertia: &Inertia, jacobian: MatRef<'_, f64>, rate: M
     Ok(roots.iter().map(|s| s * w0).collect())
 }
 
-/// Whether every exponent has its multiplier, to a part of the largest one of its part of the system.
-fn agree(exponents: &[c64], period: f64, parts: &[Monodromy]) -> Result<bool> {
-    let mut multipliers = Vec::with_capacity(exponents.len());
-    for part in parts {
-        let own = eigenvalues(&part.matrix)?;
-        let largest = own.iter().map(|m| m.norm()).fold(1.0, f64::max);
-        multipliers.extend(own.into_iter().map(|m| (m, largest)));
-    }
+/// Whether every exponent has its multiplier, to a part of the largest one.
+fn agree(exponents: &[c64], period: f64, monodromy: &Monodromy) -> Result<bool> {
+    let multipliers = eigenvalues(&monodromy.matrix)?;
+    let largest = multipliers.iter().map(|m| m.norm()).fold(1.0, f64::max);
     Ok(exponents.iter().all(|s| {
         let multiplier = (s * period).exp();
-        multipliers.iter().any(|(m, largest)| (m - multiplier).norm() <= EXPONENT * largest)
+        multipliers.iter().any(|m| (m - multiplier).norm() <= EXPONENT * largest)
     }))
 }
 

@@ -6,14 +6,12 @@
 //! (sqrt(g^2 + 4 d) - g) / 2: by d / g where they are far apart, by sqrt(d) where they meet, which they do modulo i w0. Two exponents
 //! that turn at different speeds grow only when they have met. Source: T. Kato, Perturbation Theory for Linear Operators, Springer
 //! 1995, II.1 (the two-dimensional case).
-use std::ops::Range;
-
 use num_complex::Complex64 as c64;
 
 use super::aft::Aft;
 use super::basis::Finer;
-use super::crossings::least;
 use super::estimate::Estimate;
+use super::exponents::{Exponents, Own};
 use super::problem::Problem;
 use super::stability::{Floquet, Stability};
 use crate::error::{Error, Result};
@@ -56,7 +54,7 @@ pub struct Verdict {
 #[derive(Default)]
 pub struct Motion {
     pub z: Vec<f64>,
-    pub exponents: Vec<c64>,
+    pub exponents: Exponents,
     /// its base frequency
     pub w0: f64,
 }
@@ -103,8 +101,7 @@ impl Judge {
         let (unresolved, parts) =
             self.stability.deviate(problem, solution.y(), &estimate.deviations, floquet.by_hill)?;
         let mut floquet = Floquet { doubtful: unresolved, ..floquet };
-        let changes = if floquet.by_hill { together(&parts) } else { parts.clone() };
-        let changes = scaled(&changes, |change| TURNING * change);
+        let changes: Vec<f64> = parts.iter().map(|change| TURNING * change).collect();
         let zero = zero || self.free;
         let mut settled = !may_turn(&floquet.exponents, &changes, w0, zero);
         let truncated = moves(&floquet.exponents, &changes, zero, |_| NEUTRAL * w0, w0);
@@ -114,10 +111,11 @@ impl Judge {
                 break;
             };
             // those of the same multipliers for the period of the solution
-            let exponents: Vec<c64> = motion.exponents.iter().map(|s| s * (w0 / motion.w0)).collect();
+            let exponents = motion.exponents.scaled(w0 / motion.w0);
             // what the next doubling of the harmonics may still change
-            let next = DECIDED * change_between(&floquet.exponents, &exponents, w0);
-            let changes = scaled(&parts, |change| if change == 0.0 { 0.0 } else { next });
+            let next = |(coarse, fine): (&Own, &Own)| DECIDED * change_between(&coarse.roots, &fine.roots, w0);
+            let moved = floquet.exponents.0.iter().zip(&exponents.0).map(next);
+            let changes: Vec<f64> = moved.zip(&parts).map(|(next, c)| if *c == 0.0 { 0.0 } else { next }).collect();
             settled = !may_turn(&exponents, &changes, w0, zero);
             floquet.exponents = exponents;
             level += 1;
@@ -157,7 +155,7 @@ impl Judge {
             return Ok(None);
         };
         self.stability.renew(problem)?;
-        let exponents = self.stability.integrated(&mut refined.problem, point.y(), Some(&mut refined.samplers))?;
+        let exponents = self.stability.integrated(&mut refined.problem, point.y(), &mut refined.samplers)?;
         // `extended` keeps the order of the old terms
         let own = &point.y()[..problem.size()];
         let z = own.iter().copied().chain([point.p()]).collect();
@@ -229,39 +227,27 @@ fn is_uneven(estimate: &Estimate) -> bool {
     estimate.even > SYMMETRIC * estimate.error
 }
 
-/// Hill's problem tells the exponents of all parts of a system at once.
-fn together(parts: &[(usize, f64)]) -> Vec<(usize, f64)> {
-    vec![(parts.iter().map(|part| part.0).sum(), nan_or_largest(parts.iter().map(|part| part.1)))]
-}
-
-fn scaled(parts: &[(usize, f64)], change: impl Fn(f64) -> f64) -> Vec<(usize, f64)> {
-    parts.iter().map(|part| (part.0, change(part.1))).collect()
-}
-
-/// Whether changes of the stiffness may turn the growth of an exponent; per part of the system the number of its exponents and the
-/// change.
-fn may_turn(exponents: &[c64], parts: &[(usize, f64)], w0: f64, zero: bool) -> bool {
-    moves(exponents, parts, zero, |s| s.re.abs().max(NEUTRAL * w0), w0)
+/// Whether changes of the stiffness, one for each part of the system, may turn the growth of an exponent.
+fn may_turn(exponents: &Exponents, changes: &[f64], w0: f64, zero: bool) -> bool {
+    moves(exponents, changes, zero, |s| s.re.abs().max(NEUTRAL * w0), w0)
 }
 
 /// Whether they may change the growth of an exponent by what its `margin` is; `zero`: the exponent that is zero does not count.
-fn moves(exponents: &[c64], parts: &[(usize, f64)], zero: bool, margin: impl Fn(c64) -> f64, w0: f64) -> bool {
-    let zero = least(exponents).filter(|_| zero);
-    let mut start = 0;
-    parts.iter().any(|&(size, change)| {
-        let part = start..start + size;
-        start += size;
+fn moves(exponents: &Exponents, changes: &[f64], zero: bool, margin: impl Fn(c64) -> f64, w0: f64) -> bool {
+    let zero = exponents.zero().filter(|_| zero);
+    changes.iter().enumerate().any(|(part, &change)| {
+        let own = exponents.part(part);
         let reaches = |i: usize| {
-            let largest = largest_shift(exponents, part.clone(), i, change, w0);
-            largest.is_nan() || largest >= margin(exponents[i])
+            let largest = largest_shift(own, i, change, w0);
+            largest.is_nan() || largest >= margin(own[i])
         };
-        change != 0.0 && part.clone().filter(|i| Some(*i) != zero).any(reaches)
+        change != 0.0 && (0..own.len()).filter(|i| Some((part, *i)) != zero).any(reaches)
     })
 }
 
-/// Change of the growth of one exponent by those in its part of the system.
-fn largest_shift(exponents: &[c64], part: Range<usize>, i: usize, change: f64, w0: f64) -> f64 {
-    nan_or_largest(part.filter(|j| *j != i).map(|j| shift(gap(exponents[i], exponents[j], w0), change)))
+/// Change of the growth of one exponent by the others of its part of the system.
+fn largest_shift(own: &[c64], i: usize, change: f64, w0: f64) -> f64 {
+    nan_or_largest((0..own.len()).filter(|j| *j != i).map(|j| shift(gap(own[i], own[j], w0), change)))
 }
 
 /// Change of the growth of two exponents with this difference, by a change of either sign.
@@ -295,8 +281,12 @@ mod tests {
 
     const W0: f64 = 2.7;
 
+    fn in_parts(parts: &[Vec<c64>]) -> Exponents {
+        Exponents(parts.iter().map(|roots| Own { roots: roots.clone(), constant: false }).collect())
+    }
+
     fn may_turn(exponents: &[c64], change: f64, w0: f64, free: bool) -> bool {
-        super::may_turn(exponents, &[(exponents.len(), change)], w0, free)
+        super::may_turn(&in_parts(&[exponents.to_vec()]), &[change], w0, free)
     }
 
     fn pair(re: f64, im: f64) -> Vec<c64> {
@@ -323,7 +313,8 @@ mod tests {
     #[test]
     fn a_crossing_moves_by_changes_that_turn_no_exponent() {
         let exponents = [pair(-0.02, 0.6), pair(-0.3, 1.1)].concat();
-        let moved = |change: f64| moves(&exponents, &[(4, change)], false, |_| NEUTRAL * W0, W0);
+        let whole = in_parts(&[exponents.to_vec()]);
+        let moved = |change: f64| moves(&whole, &[change], false, |_| NEUTRAL * W0, W0);
         assert!(!may_turn(&exponents, 1e-3, W0, false));
         assert_eq!([0.0, 1e-10, 1e-7].map(moved), [false, false, true]);
     }
@@ -350,9 +341,9 @@ mod tests {
 
     #[test]
     fn parts_of_a_system_turn_by_themselves() {
-        let exponents: Vec<c64> = [pair(-0.05, 0.6), pair(-0.06, 0.6)].concat();
-        assert!(may_turn(&exponents, 0.05, W0, false));
-        assert!(!super::may_turn(&exponents, &[(2, 0.05), (2, 0.05)], W0, false));
+        let parts = [pair(-0.05, 0.6), pair(-0.06, 0.6)];
+        assert!(may_turn(&parts.concat(), 0.05, W0, false));
+        assert!(!super::may_turn(&in_parts(&parts), &[0.05, 0.05], W0, false));
     }
 
     #[test]

@@ -239,7 +239,7 @@ impl HbmProblem {
             let matrix = if monodromy { Some(stability.monodromy(&mut problem, &y)?) } else { None };
             let verdict = judged(&mut problem, stability, &finer, &y, &out, error, free)?;
             Ok(Told {
-                exponents: Some(Vector(verdict.floquet.exponents)),
+                exponents: Some(Vector(verdict.floquet.exponents.all().collect())),
                 settled: verdict.settled && !verdict.floquet.doubtful,
                 monodromy: matrix.map(Dense),
             })

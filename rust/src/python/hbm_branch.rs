@@ -8,7 +8,7 @@ use pyo3::prelude::*;
 use super::border::{Rows, Vector, interruptible};
 use super::hbm::{HbmProblem, lock, matrices, parameter_called};
 use crate::error::{Error, Result};
-use crate::periodic::crossings::{Kind, unstable};
+use crate::periodic::crossings::Kind;
 use crate::periodic::peak;
 use crate::periodic::peak::Quantity;
 use crate::periodic::problem::{Parameter, Problem};
@@ -254,13 +254,13 @@ impl Chunk {
         let records = std::mem::take(&mut follower.records);
         let column = |of: &dyn Fn(&Record) -> f64| Vector(records.iter().map(of).collect());
         let growing = |r: &Record| match &r.floquet {
-            Some(f) if r.settled && !f.doubtful && f.exponents.iter().all(|s| s.re.is_finite()) => {
-                unstable(&f.exponents, base) as f64
+            Some(f) if r.settled && !f.doubtful && f.exponents.all().all(|s| s.re.is_finite()) => {
+                f.exponents.unstable(base) as f64
             }
             _ => f64::NAN,
         };
         let exponents: Vec<_> =
-            records.iter().filter_map(|r| r.floquet.as_ref().map(|f| f.exponents.clone())).collect();
+            records.iter().filter_map(|r| r.floquet.as_ref().map(|f| f.exponents.all().collect())).collect();
         let known = !exponents.is_empty() && exponents.len() == records.len();
         Ok(Chunk {
             p: column(&|r| r.p),
@@ -297,6 +297,7 @@ impl From<Event> for Special {
                 Kind::NeimarkSacker => "neimark-sacker",
                 Kind::PeriodDoubling => "period-doubling",
                 Kind::Grazing => "grazing",
+                Kind::Unresolved => "unresolved",
             },
             p: event.p,
             y: Vector(event.y),

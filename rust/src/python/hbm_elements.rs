@@ -152,6 +152,11 @@ impl Sampled for TracedLaw {
         self.law.m()
     }
 
+    fn has_kinks(&self) -> bool {
+        let rest = vec![0.0; self.law.m()];
+        !self.law.distances(0.0, &self.start, &rest, &self.p).is_empty()
+    }
+
     fn evaluate(&self, u: &[f64], v: &[f64], f: &mut [f64], f_u: &mut [f64], f_v: &mut [f64]) -> Result<()> {
         let m = self.law.m();
         let n = u.len() / m;
