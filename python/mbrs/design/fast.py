@@ -33,6 +33,7 @@ from ..model.schema import LAW_OF_CODE, MARKER
 from ..model.tables import offsets
 from ..system.compiled import compiled
 from ..system.effects import deciding_places, effects
+from ..system.state import state_of
 from .outputs import Analysis, Equilibrium, Frf, Modes
 
 # Seconds of a block of designs, after which the client looks for Ctrl-C.
@@ -204,7 +205,12 @@ def _elastic(model: Model, changed: Sequence[Place]) -> bool | None:
     deciding = {base[kind] + int(i) for kind, places in deciding_places(model) for i in places}
     if any(not deciding.isdisjoint(numbers) for _, numbers in changed):
         return None
-    return not GEOMETRIC & set(effects(model).on)
+    if not GEOMETRIC & set(effects(model).on):
+        return True
+    # an effect may be there and have no forces: a preload of zero
+    with core_errors():
+        system = compiled(model)
+        return False if system.is_loaded(state_of(model, system, None).q, []) else None
 
 
 def _entries(place: Place) -> list[tuple[bool, int]]:

@@ -37,9 +37,6 @@ if TYPE_CHECKING:
 
 _MAX_ITERATIONS = 60
 _LEAST_AZIMUTHS, _MOST_AZIMUTHS = 5, 999
-# Forces, over the stiffness times a radian or a characteristic length, below which a model counts as unloaded. As of equilibria
-# (rust/src/tolerances/mod.rs).
-_UNLOADED = 1e-11
 # Singular values over the largest, free of units, below which rates of loops and the stiffness of the motion have no rank. Larger:
 # soft directions are left where they are; smaller: rounding moves what nothing holds.
 _NO_RATE, _NO_STIFFNESS = 1e-10, 1e-13
@@ -414,8 +411,10 @@ def _solve(
             # that of places, with the arms of forces and the strains of springs, comes beside it
             own = _core.ENTRY_ROUNDING * np.finfo(float).eps * (forces + natural)
             explained = np.abs(residual) <= own + r["hidden_forces"][still] * unit
-            unloaded = explained & (forces <= _UNLOADED * np.max(natural))
-            balanced = bool(np.all(unloaded | (np.abs(residual) <= BALANCED * forces)))
+            # nothing is there to balance: all forces are rounding, or this one is the centrifugal force of rounded places
+            spun = np.abs(residual) <= r["hidden_centrifugal"][still] * unit
+            nothing = (explained & np.asarray(r["is_idle"])[still]) | spun
+            balanced = bool(np.all(nothing | (np.abs(residual) <= BALANCED * forces)))
         else:
             explained, balanced = np.ones(0, dtype=bool), True
         longest = _natural_size(r, step, snapshot.system.characteristic_length)

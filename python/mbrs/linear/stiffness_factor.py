@@ -26,4 +26,10 @@ def stiffness_factor(lin: Linearization) -> np.ndarray | None:
 def is_elastic(lin: Linearization) -> bool:
     """True where K holds elastic elements alone."""
     at_rest = not lin.state.moving and lin.state.kind in ("drawn", "equilibrium")
-    return at_rest and lin.N is None and not GEOMETRIC & set(lin.effects)
+    if not at_rest or lin.N is not None:
+        return False
+    if not GEOMETRIC & set(lin.effects):
+        return True
+    # an effect may be there and have no forces: a preload of zero
+    with core_errors():
+        return not lin.snapshot.system.is_loaded(lin.state.q, list(lin.without))

@@ -5,12 +5,14 @@
 //! |dr| <= sum_e |w_e^T k_e d_e| + sum_b |T_b^T F_b|
 //! ```
 //! w_e: rows of strains of an element by the coordinates, d_e: rounding of its strains; T_b: twist of a body by the coordinates, F_b:
-//! rounding of the forces on it and of their moments about its origin.
+//! rounding of the forces on it and of their moments about its origin. What turns adds the centrifugal forces of its rounded places,
+//! m W^2 eps |r|, also where it is balanced and no force is left.
 use nalgebra::DMatrix;
 
 use crate::linearize::strain_rows::{Element, Motions, elements, origins, strain_rows};
 use crate::linearize::{Linearization, Setting};
-use crate::multibody::placement::place;
+use crate::multibody::placement::{Placement, place};
+use crate::spatial::{Six, V3};
 use crate::tolerances::matrices::ENTRY_ROUNDING;
 
 /// What rounding may make of the strains of each element, and of the force on each body and its moment about the body's origin.
@@ -18,6 +20,10 @@ pub struct ForceRounding<'a> {
     motions: Motions<'a>,
     elements: Vec<Element>,
     on_body: Vec<[f64; 2]>,
+    /// the part of `on_body` that is centrifugal
+    centrifugal: Vec<[f64; 2]>,
+    /// of each island: whether the sizes of all forces, moments over the length of the model, are within these bounds
+    is_idle: Vec<bool>,
 }
 
 impl<'a> ForceRounding<'a> {
@@ -39,8 +45,33 @@ impl<'a> ForceRounding<'a> {
                 on_body[body][1] += unit * (acting.moment + arm * acting.force);
             }
         });
+        let centrifugal = centrifugal(setting, &placement, &motions.position);
+        for (all, own) in on_body.iter_mut().zip(&centrifugal) {
+            (all[0], all[1]) = (all[0] + own[0], all[1] + own[1]);
+        }
         let elements = elements(system, &placement, setting.effects);
-        ForceRounding { motions, elements, on_body }
+        let mut made = ForceRounding { motions, elements, on_body, centrifugal, is_idle: Vec::new() };
+        let (sizes, _) = scene.force_sizes(system.length);
+        made.is_idle = sizes.iter().zip(made.of_islands(setting)).map(|(size, bound)| *size <= bound).collect();
+        made
+    }
+
+    /// The sum of all bounds in each island.
+    fn of_islands(&self, setting: &Setting<'_>) -> Vec<f64> {
+        let (topology, length) = (&setting.system.topology, setting.system.length);
+        let mut out = vec![0.0; topology.n_islands()];
+        for (node, spec) in topology.nodes.iter().enumerate() {
+            let [force, moment] = self.on_body[spec.body];
+            out[topology.island[node]] += force * length + moment;
+        }
+        for element in &self.elements {
+            let Some(body) = element.bodies[0].or(element.bodies[1]) else { continue };
+            let force = |i: usize| element.k[i].iter().zip(&element.rounding).map(|(k, d)| (k * d).abs()).sum::<f64>();
+            let wrench = |(i, g): (usize, &Six<f64>)| force(i) * (g.l.norm() * length + g.a.norm());
+            out[topology.island[topology.node_of_body[body]]] +=
+                element.gradients.iter().enumerate().map(wrench).sum::<f64>();
+        }
+        out
     }
 
     /// (columns, sources): the generalised forces along some coordinates that each of them may make. O(columns (strains + bodies)).
@@ -70,8 +101,48 @@ impl<'a> ForceRounding<'a> {
     }
 }
 
-/// The generalised force along each coordinate that rounding may hide (dof,).
-pub fn hidden_forces(setting: &Setting<'_>, made: &Linearization) -> Vec<f64> {
+/// Centrifugal forces of rounded places and axes: each body has those of the bodies that carry it too. Moments about its origin.
+fn centrifugal(setting: &Setting<'_>, placement: &Placement<f64>, origin: &[V3<f64>]) -> Vec<[f64; 2]> {
+    let (topology, geometry) = (&setting.system.topology, &setting.system.geometry);
+    let mut out = vec![[0.0; 2]; origin.len()];
+    let Some(velocity) = placement.velocity.as_ref().filter(|_| setting.effects.centrifugal) else { return out };
+    let unit = ENTRY_ROUNDING * f64::EPSILON;
+    let mut acceleration: Vec<f64> = Vec::with_capacity(topology.nodes.len());
+    for (i, node) in topology.nodes.iter().enumerate() {
+        let carrier = node.parent.map_or(0.0, |p| placement.pose[p].p.norm());
+        let own = velocity.body[i].a.norm_squared() * (placement.pose[i].p.norm() + carrier);
+        acceleration.push(unit * own + node.parent.map_or(0.0, |p| acceleration[p]));
+        let body = &geometry.bodies[node.body];
+        let force = body.mass * acceleration[i];
+        let arm = (placement.pose[i].p - origin[node.body]).norm();
+        out[node.body][0] = force;
+        out[node.body][1] = arm * force + unit * body.inertia.norm() * velocity.body[i].a.norm_squared();
+    }
+    out
+}
+
+/// What rounding may hide along each coordinate (dof,).
+pub struct Hidden {
+    /// generalised force
+    pub force: Vec<f64>,
+    /// the part of it that is centrifugal
+    pub centrifugal: Vec<f64>,
+    /// whether all forces in its island may be that
+    pub is_idle: Vec<bool>,
+}
+
+pub fn hidden_forces(setting: &Setting<'_>, made: &Linearization) -> Hidden {
     let rounding = ForceRounding::at(setting, made);
-    (0..made.body_map.ncols()).map(|column| rounding.total(column)).collect()
+    let (map, topology) = (&made.body_map, &setting.system.topology);
+    let spun = |row: usize| rounding.centrifugal[row / 6][row % 6 / 3];
+    let centrifugal = |c: usize| map.column(c).iter().enumerate().map(|(row, t)| t.abs() * spun(row)).sum::<f64>();
+    let free: Vec<usize> = match &made.loops {
+        Some(loops) => loops.independent.clone(),
+        None => (0..topology.n_tree).collect(),
+    };
+    Hidden {
+        force: (0..map.ncols()).map(|c| rounding.total(c)).collect(),
+        centrifugal: (0..map.ncols()).map(centrifugal).collect(),
+        is_idle: free.iter().map(|i| rounding.is_idle[topology.island_of(*i)]).collect(),
+    }
 }

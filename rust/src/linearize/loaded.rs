@@ -13,7 +13,7 @@ use crate::tolerances::constraints::POSE_ROUNDING;
 use crate::tolerances::coordinates::SAME_POINT;
 
 /// Does anything carry force? A drawn state without cause for force has none; rounding must not make one.
-pub(super) fn loaded(system: &System, state: &State, effects: Effects) -> Result<bool> {
+pub fn loaded(system: &System, state: &State, effects: Effects) -> Result<bool> {
     let topology = &*system.topology;
     let closed = closing(system, state, effects)?;
     let (t, x): (&Tables, _) = (&topology.tables, &system.x);

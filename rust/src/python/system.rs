@@ -16,6 +16,7 @@ use crate::error::{Error, Result};
 use crate::integrate::{Equations, Motion};
 use crate::linearize::air_states::{air_states, holding};
 use crate::linearize::force_rounding::hidden_forces;
+use crate::linearize::loaded::loaded;
 use crate::linearize::model_modes::linear_system;
 use crate::linearize::parts::{Parts, parts};
 use crate::linearize::reactions::reactions;
@@ -333,7 +334,11 @@ impl PySystem {
         match &parts {
             Some(parts) => put_parts(&out, &lin, parts)?,
             None => {
-                out.set_item("hidden_forces", hidden.map(|h| h.into_pyarray(py)))?;
+                if let Some(hidden) = hidden {
+                    out.set_item("hidden_forces", hidden.force.into_pyarray(py))?;
+                    out.set_item("hidden_centrifugal", hidden.centrifugal.into_pyarray(py))?;
+                    out.set_item("is_idle", hidden.is_idle.into_pyarray(py))?;
+                }
                 out.set_item("M", array(&lin.matrices.mass).into_pyarray(py))?;
                 out.set_item("D", lin.matrices.damping.as_ref().map(|d| array(d).into_pyarray(py)))?;
                 out.set_item("S", array(&lin.matrices.stiffness).into_pyarray(py))?;
@@ -535,6 +540,11 @@ impl PySystem {
         without: Vec<String>,
     ) -> PyResult<Option<Bound<'py, numpy::PyArray2<f64>>>> {
         strains::stiffness_factor(py, &self.0, state_of(&self.0, &q, &empty(py)?)?, effects(&without)?)
+    }
+
+    /// Does anything carry force at a state at rest? A drawn state without cause for force has none, whatever rounding makes of it.
+    fn is_loaded(&self, py: Python<'_>, q: PyReadonlyArray1<'_, f64>, without: Vec<String>) -> PyResult<bool> {
+        Ok(loaded(&self.0, &state_of(&self.0, &q, &empty(py)?)?, effects(&without)?)?)
     }
 
     /// Wrench of every joint on its second body at the joint's point, (n_joints, 6), world axes.
