@@ -32,4 +32,5 @@ pub mod rows;
 mod scales;
 pub mod start;
 pub mod tangents;
+mod test_functions;
 pub mod truncation;
