@@ -256,7 +256,7 @@ CRATE = {
         "multibody", "constraint",
     },
     "equilibrium": {"error", "tolerances", "run", "spatial", "multibody", "constraint", "linearize", "integrate"},
-    "periodic": {"error", "tolerances", "run", "linalg", "solve", "force"},
+    "periodic": {"error", "tolerances", "run", "linalg", "solve", "force", "second_order"},
     "sensitivity": {
         "error", "tolerances", "run", "spatial", "ad", "linalg", "aero", "force", "joint", "model", "kinematics",
         "multibody", "constraint", "linearize", "integrate", "equilibrium",

@@ -7,6 +7,7 @@ use num_complex::Complex64 as c64;
 use super::estimate::Estimate;
 use super::exponents::{Exponents, unstable};
 use super::problem::Problem;
+use super::test_functions::{Told, possible_meeting};
 use super::truncation::{Judge, Motion, Verdict, gap};
 use crate::error::Result;
 use crate::run::Cancel;
@@ -41,6 +42,10 @@ pub struct Place {
 impl Place {
     pub fn exponents(&self) -> &Exponents {
         &self.verdict.floquet.exponents
+    }
+
+    fn told(&self, part: usize) -> Told<'_> {
+        (self.exponents().part(part), self.verdict.w0)
     }
 }
 
@@ -87,12 +92,14 @@ impl Search<'_> {
         }
         let segment = Segment::new(&a.point, &b.point, self.options);
         let length = |p: &Place, q: &Place| Segment::new(&p.point, &q.point, self.options).length();
-        let left = before.as_ref().map(|p| (length(p, a), p.exponents()));
-        let right = after.as_ref().map(|p| (length(b, p), p.exponents()));
+        let left = before.as_ref().map(|p| (length(p, a), p));
+        let right = after.as_ref().map(|p| (length(b, p), p));
         let reaches = |part: usize| {
-            let ends = (a.exponents().part(part), b.exponents().part(part));
-            let outer = [left, right].map(|side| side.map(|(at, exponents)| (at, exponents.part(part))));
-            possible_crossing(outer, ends, segment.length(), w0)
+            let ends = [a.told(part), b.told(part)];
+            let outer = [left, right].map(|side| side.map(|(at, place)| (at, place.told(part))));
+            let growths = outer.map(|side| side.map(|(at, (exponents, _))| (at, exponents)));
+            possible_crossing(growths, (ends[0].0, ends[1].0), segment.length(), w0)
+                .or_else(|| possible_meeting(outer, ends, segment.length()))
         };
         let Some(fraction) = a.exponents().changing().find_map(reaches).filter(|_| trials > 0) else {
             return Ok(());

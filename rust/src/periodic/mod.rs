@@ -33,4 +33,5 @@ mod scales;
 pub mod start;
 mod tail;
 pub mod tangents;
+mod test_functions;
 pub mod truncation;

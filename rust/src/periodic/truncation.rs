@@ -42,6 +42,8 @@ impl Solution<'_> {
 #[derive(Clone)]
 pub struct Verdict {
     pub floquet: Floquet,
+    /// the base frequency of the solution
+    pub w0: f64,
     /// how often the harmonics were doubled for them
     pub level: usize,
     /// false where also those do not tell which exponents grow
@@ -120,7 +122,7 @@ impl Judge {
             floquet.exponents = exponents;
             level += 1;
         }
-        Ok(Verdict { floquet, level, settled, truncated })
+        Ok(Verdict { floquet, w0, level, settled, truncated })
     }
 
     /// Makes the problem with harmonics that are doubled so often; false where they are too many.
