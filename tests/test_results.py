@@ -146,9 +146,11 @@ def test_copies_do_not_ask_for_an_estimate():
 
 
 def test_motions_with_parameters_make_their_estimate_when_asked(monkeypatch):
-    module = importlib.import_module("mbrs.motion.simulate")
-    runs, run = [], module._run
-    monkeypatch.setattr(module, "_run", lambda *given: runs.append(given) or run(*given))
+    runs = []
+    for name in ("mbrs.motion.simulate", "mbrs.motion.error"):
+        module = importlib.import_module(name)
+        run = module.run_core
+        monkeypatch.setattr(module, "run_core", lambda *given, run=run: runs.append(given) or run(*given))
     motion = mb.simulate(drawn(), t=0.1, parameters=["k"])
     assert len(runs) == 1 and motion.error > 0.0 and len(runs) == 2
 

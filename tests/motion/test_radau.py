@@ -198,9 +198,11 @@ def test_work_of_steps_that_keep_matrices_and_lengths():
     assert linkage["iterations"] < 155 and linkage["factorisations"] < 25
     assert linkage["position projections"] < 1.5 * linkage["steps"]  # closed loops are not closed again
     assert tight["tangents"] < 12
-    # first corrections that are small beside the tolerance are the last ones
-    short = mb.simulate(zoo.five_bar().model, 0.3, rtol=1e-4, method="radau", max_step=5e-3).stats.counts
-    assert short["iterations"] < 1.3 * short["steps"]
+    # first corrections that are small beside the tolerance are the last ones, but where rows hold they say nothing of multipliers
+    for problem, most in ((zoo.double_pendulum(), 1.3), (zoo.five_bar(), 2.1)):
+        short = mb.simulate(problem.model, 0.3, rtol=1e-4, method="radau", max_step=5e-3).stats.counts
+        print(short["iterations"] / short["steps"])
+        assert short["iterations"] < most * short["steps"]
 
 
 def test_a_restart_goes_on():
