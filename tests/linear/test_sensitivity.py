@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import mbrs as mb
 import numpy as np
 import pytest
@@ -27,6 +29,12 @@ def combined(m, address, rng):
     return along.dense @ weights, weights
 
 
+def summed(derivative, weights, entries):
+    """Along all entries of an array parameter, or the one number."""
+    first = derivative.ndim - max(len(entries), 1)
+    return derivative.reshape(*derivative.shape[:first], -1) @ weights
+
+
 def compare(m, state, addresses, follow=False, seed=0):
     """Relative differences of dM, dD, dS, dT and of how the configuration moves, the worst over the addresses of each object.
 
@@ -42,13 +50,14 @@ def compare(m, state, addresses, follow=False, seed=0):
     for address in addresses:
         x, weights = combined(m, address, rng)
         d = mb.sensitivity(lin, address, equilibrium="follow" if follow else "hold")
+        along = partial(summed, weights=weights, entries=d.parameter_shape)
         base, other = ref.derivative(tables(m), x, state_of, keep)
         pairs = {
-            "M": (d.M @ weights, other.M, base.M.real),
-            "D": (0.0 * other.D if d.D is None else d.D @ weights, other.D, base.D.real),
-            "K": (d.K @ weights, other.K, base.S.real),
-            "T": (d.T @ weights, other.T, base.T.real),
-            "rotation": (d.rotation @ weights, other.rotation, np.ones(1)),
+            "M": (along(d.M), other.M, base.M.real),
+            "D": (0.0 * other.D if d.D is None else along(d.D), other.D, base.D.real),
+            "K": (along(d.K), other.K, base.S.real),
+            "T": (along(d.T), other.T, base.T.real),
+            "rotation": (along(d.rotation), other.rotation, np.ones(1)),
         }
         worst[address] = max(
             relative_difference(a, b, np.array([max(np.abs(b).max(), 1e-3 * np.abs(c).max()), 1e-12]))

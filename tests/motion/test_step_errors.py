@@ -64,7 +64,7 @@ def test_all_smooth_motions_tell_their_error(how):
     assert min(ratios) > 1.0 / 4.0
     if how != "explicit":
         # a few errors are seen, of steps at which its order does not yet show
-        assert 0.5 < np.median(ratios) < 3.0 and np.mean(np.array(ratios) > 10.0) < 0.1
+        assert 0.5 < np.median(ratios) < 3.0 and np.sum(np.array(ratios) > 10.0) <= max(1.0, 0.1 * len(ratios))
 
 
 def strutted(seed, k, c):
