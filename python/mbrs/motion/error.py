@@ -62,7 +62,7 @@ def run_core(
         return _core.simulate_motion(snapshot.system, state.q, state.rate, list(without), dict(options), report)
 
 
-def tolerance_compared(traj: Trajectory, options: Mapping[str, Any]) -> tuple[float, float]:
+def _tolerance_compared(traj: Trajectory, options: Mapping[str, Any]) -> tuple[float, float]:
     """Tolerance of the run that the error of controlled steps is estimated with, and the factor from the distance of both to the error.
 
     Errors of controlled steps scatter about their tolerance, most of all behind kinks, so that a tighter run tells more than a looser
@@ -78,7 +78,7 @@ def tolerance_compared(traj: Trajectory, options: Mapping[str, Any]) -> tuple[fl
     return rtol / _TIGHTER, _TIGHTER / (_TIGHTER - 1.0)
 
 
-def explicit_compared(traj: Trajectory, options: Mapping[str, Any]) -> dict[str, Any] | None:
+def _explicit_compared(traj: Trajectory, options: Mapping[str, Any]) -> dict[str, Any] | None:
     """Options of a run by "explicit" that tells the error where two runs by the same method err alike.
 
     Histories begin alike at each kink, and fixed steps over a contact that is shorter than they go wild each in its way.
@@ -90,9 +90,6 @@ def explicit_compared(traj: Trajectory, options: Mapping[str, Any]) -> dict[str,
     else:
         return None
     return {"method": "explicit", "rtol": rtol, "max_steps": _AS_MANY * len(traj.steps)}
-
-
-EXPLICIT_FACTOR = _TIGHTER / (_TIGHTER - 1.0)
 
 
 def stretched(order: float) -> float:
@@ -127,7 +124,7 @@ def step_error(near: float, far: float, order: float, ratios: tuple[float, float
     return near / float(grown**at_work - 1.0)
 
 
-def fixed_steps_error(
+def _fixed_steps_error(
     traj: Trajectory, options: Mapping[str, Any], start: float, distances: Callable[[float], np.ndarray | None]
 ) -> np.ndarray | None:
     """Errors (..., n_t) of fixed steps; ``distances`` are those from a run by other steps, None where this does not reach the end."""
@@ -145,6 +142,21 @@ def fixed_steps_error(
     error = np.vectorize(lambda n, f: step_error(n, f, order, ratios))(largest, farthest)
     part = np.divide(near, largest[..., None], out=np.ones(near.shape), where=largest[..., None] > 0.0)
     return np.asarray(error[..., None] * part)
+
+
+def errors_from(
+    traj: Trajectory, options: Mapping[str, Any], start: float, apart: Callable[[dict[str, Any]], np.ndarray | None]
+) -> tuple[np.ndarray | None, bool]:
+    """Errors (..., n_t) by the distances from other runs, None where none of these reaches the end, and whether runs by other fixed steps
+    told them; ``apart``: the distances from the run with these options changed, None where it does not reach the end.
+    """
+    if (changed := _explicit_compared(traj, options)) is not None and (found := apart(changed)) is not None:
+        return np.asarray(_TIGHTER / (_TIGHTER - 1.0) * found), False
+    if "step" in options:
+        return _fixed_steps_error(traj, options, start, lambda step: apart({"step": step})), True
+    rtol, factor = _tolerance_compared(traj, options)
+    found = apart({"rtol": rtol})
+    return (None if found is None else np.asarray(factor * found)), False
 
 
 def estimated_error(traj: Trajectory, state: State, options: dict[str, Any]) -> float | None:
@@ -172,19 +184,10 @@ class _Others:
 
     def error(self) -> np.ndarray | None:
         """Estimated errors at the outputs; None where no other run reaches the end."""
-        if (changed := explicit_compared(self.traj, self.options)) is not None:
-            apart = self.distances({**changed, "max_steps": float(changed["max_steps"])}, leave=("step",))
-            if apart is not None:
-                return EXPLICIT_FACTOR * apart
-        if "step" in self.options:
-            found = fixed_steps_error(self.traj, self.options, self.state.t, self.from_steps)
-            return found if found is None or self.traj.method == "explicit" else self.with_beginning(found)
-        rtol, factor = tolerance_compared(self.traj, self.options)
-        apart = self.distances({"rtol": rtol})
-        return None if apart is None else factor * apart
-
-    def from_steps(self, step: float) -> np.ndarray | None:
-        return self.distances({"step": step}, leave=("max_steps",))
+        found, by_steps = errors_from(self.traj, self.options, self.state.t, self.distances)
+        if found is None or not by_steps or self.traj.method == "explicit":
+            return found
+        return self.with_beginning(found)
 
     def with_beginning(self, found: np.ndarray) -> np.ndarray:
         """Errors that are not less than the distance from a controlled motion up to the first output, and over the first steps.
@@ -194,18 +197,20 @@ class _Others:
         start, times = self.state.t, self.traj.t[self.compared]
         end = max(float(times[0]), start + _BEGINNING * float(self.options["step"]))
         n = int(np.searchsorted(times, end * (1.0 + np.finfo(float).eps), side="right"))
-        most = float(_AS_MANY_AT_BEGINNING * len(self.traj.steps))
+        most = _AS_MANY_AT_BEGINNING * len(self.traj.steps)
         controlled = {"method": "radau", "rtol": _SURE, "max_steps": most, "end": float(times[n - 1])}
-        apart = self.distances(controlled, leave=("step",), first=n)
+        apart = self.distances(controlled, first=n)
         return found if apart is None else np.concatenate([np.maximum(found[:n], apart), found[n:]])
 
-    def distances(
-        self, changed: dict[str, Any], leave: Sequence[str] = (), first: int | None = None
-    ) -> np.ndarray | None:
+    def distances(self, changed: dict[str, Any], first: int | None = None) -> np.ndarray | None:
         """Distances from a run by other options, at the (first) outputs; None where it does not reach the last of these."""
         compared = self.compared[:first]
-        changed = {"outputs": self.traj.t[compared].tolist(), **changed}
-        options = {key: value for key, value in self.options.items() if key not in leave} | changed
+        # a limit of steps is that of the motion itself, which had other ones
+        leave = "max_steps" if "step" in changed else "step"
+        options = {key: value for key, value in self.options.items() if key != leave} | changed
+        options["outputs"] = self.traj.t[compared].tolist()
+        if "max_steps" in changed:
+            options["max_steps"] = float(changed["max_steps"])
         try:
             made = run_core(self.traj.snapshot, self.state, self.traj.without, options)
         except MbrsError:

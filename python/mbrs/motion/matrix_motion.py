@@ -24,7 +24,7 @@ from ..model.model import Model
 from ..results import Stats
 from ..system.snapshot import Snapshot
 from ..system.state import State, state_of
-from .error import EXPLICIT_FACTOR, explicit_compared, fixed_steps_error, tolerance_compared
+from .error import errors_from
 from .options import DEFAULT
 from .trajectory import Trajectory
 
@@ -177,7 +177,7 @@ def _error(model: Model, traj: Trajectory, start: np.ndarray, options: dict[str,
     variant = f"{options['method']}/{options['order']}" if "order" in options else options["method"]
     asked = {**({} if "step" in options else {"rtol": DEFAULT}), **options, "method": variant}
 
-    def apart(**changed: Any) -> np.ndarray | None:
+    def apart(changed: dict[str, Any]) -> np.ndarray | None:
         """(n, n_t) distances from another run."""
         others = {"method": traj.method, **changed}
         if others["method"] != traj.method:
@@ -188,23 +188,12 @@ def _error(model: Model, traj: Trajectory, start: np.ndarray, options: dict[str,
             return None
         return np.asarray(np.abs(other.q - traj.q).T)
 
-    found = _estimated(traj, asked, apart)
+    found, _ = errors_from(traj, asked, 0.0, apart)
     if found is None:
         return np.full(traj.q.T.shape, np.inf)
     size = np.abs(traj.q).max(axis=0)
     rounding = np.finfo(float).eps * np.sqrt(len(traj.steps)) * size
     return np.asarray(found + rounding[:, None])
-
-
-def _estimated(traj: Trajectory, asked: dict[str, Any], apart: Any) -> np.ndarray | None:
-    """(n, n_t) errors by the distances from other runs; None where none of these reaches the end."""
-    if (changed := explicit_compared(traj, asked)) is not None and (found := apart(**changed)) is not None:
-        return np.asarray(EXPLICIT_FACTOR * found)
-    if "step" not in asked:
-        rtol, factor = tolerance_compared(traj, asked)
-        found = apart(rtol=rtol)
-        return None if found is None else factor * found
-    return fixed_steps_error(traj, asked, 0.0, lambda step: apart(step=step))
 
 
 def _result(system: MechanicalSystem, traj: Trajectory, error: np.ndarray) -> ResponseResult:

@@ -346,6 +346,12 @@ impl<'a, T: Real> Equations<'a, T> {
         self.topology().rows.iter().any(|r| self.effects.row(r))
     }
 
+    /// Whether the size of a correction of rates or accelerations tells what is left: kept matrices of rows that have turned leave
+    /// (J - J_kept)^T times the correction of the multipliers, which the next one sees.
+    pub fn correction_tells(&self, fresh: bool, iteration: usize) -> bool {
+        fresh || iteration > 1 || !self.constrained()
+    }
+
     /// Characteristic length of lengths, one of angles: an increment over it is dimensionless.
     pub fn scales(&self) -> Vec<f64> {
         column_scales(self.topology(), self.system.length)

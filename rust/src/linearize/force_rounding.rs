@@ -11,6 +11,7 @@ use nalgebra::DMatrix;
 
 use crate::linearize::strain_rows::{Element, Motions, elements, origins, strain_rows};
 use crate::linearize::{Linearization, Setting};
+use crate::multibody::assemble::Scene;
 use crate::multibody::placement::{Placement, place};
 use crate::spatial::{Six, V3};
 use crate::tolerances::matrices::ENTRY_ROUNDING;
@@ -22,38 +23,42 @@ pub struct ForceRounding<'a> {
     on_body: Vec<[f64; 2]>,
     /// the part of `on_body` that is centrifugal
     centrifugal: Vec<[f64; 2]>,
-    /// of each island: whether the sizes of all forces, moments over the length of the model, are within these bounds
-    is_idle: Vec<bool>,
+}
+
+/// The forces at work where a linearisation was made.
+fn with_scene<R>(
+    setting: &Setting<'_>,
+    made: &Linearization,
+    use_it: impl FnOnce(&Placement<f64>, &Scene<'_, f64>) -> R,
+) -> R {
+    let rate = setting.rate::<f64>();
+    let system = setting.system;
+    let placement = place(&system.topology, &system.geometry, &setting.state.q, rate.as_deref());
+    let mut scene = setting.scene(&placement, rate.as_deref());
+    scene.acceleration = made.acceleration.as_deref();
+    use_it(&placement, &scene)
 }
 
 impl<'a> ForceRounding<'a> {
     /// O(elements + bodies).
     pub fn at(setting: &Setting<'_>, made: &'a Linearization) -> Self {
-        let system = setting.system;
-        let rate = setting.rate::<f64>();
-        let placement = place(&system.topology, &system.geometry, &setting.state.q, rate.as_deref());
-        let mut scene = setting.scene(&placement, rate.as_deref());
-        scene.acceleration = made.acceleration.as_deref();
-        let motions = Motions { twist: &made.body_map, position: origins(system, &placement) };
-        let mut on_body = vec![[0.0; 2]; system.n_bodies()];
-        let unit = ENTRY_ROUNDING * f64::EPSILON;
-        scene.each_force(|nodes, point, acting| {
-            for node in nodes.into_iter().flatten() {
-                let body = system.topology.nodes[node].body;
-                let arm = point.norm() + motions.position[body].norm();
-                on_body[body][0] += unit * acting.force;
-                on_body[body][1] += unit * (acting.moment + arm * acting.force);
-            }
-        });
-        let centrifugal = centrifugal(setting, &placement, &motions.position);
-        for (all, own) in on_body.iter_mut().zip(&centrifugal) {
-            (all[0], all[1]) = (all[0] + own[0], all[1] + own[1]);
-        }
-        let elements = elements(system, &placement, setting.effects);
-        let mut made = ForceRounding { motions, elements, on_body, centrifugal, is_idle: Vec::new() };
-        let (sizes, _) = scene.force_sizes(system.length);
-        made.is_idle = sizes.iter().zip(made.of_islands(setting)).map(|(size, bound)| *size <= bound).collect();
-        made
+        with_scene(setting, made, |placement, scene| {
+            let system = setting.system;
+            let motions = Motions { twist: &made.body_map, position: origins(system, placement) };
+            let centrifugal = centrifugal(setting, placement, &motions.position);
+            let mut on_body = centrifugal.clone();
+            let unit = ENTRY_ROUNDING * f64::EPSILON;
+            scene.each_force(|nodes, point, acting| {
+                for node in nodes.into_iter().flatten() {
+                    let body = system.topology.nodes[node].body;
+                    let arm = point.norm() + motions.position[body].norm();
+                    on_body[body][0] += unit * acting.force;
+                    on_body[body][1] += unit * (acting.moment + arm * acting.force);
+                }
+            });
+            let elements = elements(system, placement, setting.effects);
+            ForceRounding { motions, elements, on_body, centrifugal }
+        })
     }
 
     /// The sum of all bounds in each island.
@@ -140,9 +145,13 @@ pub fn hidden_forces(setting: &Setting<'_>, made: &Linearization) -> Hidden {
         Some(loops) => loops.independent.clone(),
         None => (0..topology.n_tree).collect(),
     };
+    // of each island: whether the sizes of all forces, moments over the length of the model, are within the bounds
+    let (sizes, _) = with_scene(setting, made, |_, scene| scene.force_sizes(setting.system.length));
+    let is_idle: Vec<bool> =
+        sizes.iter().zip(rounding.of_islands(setting)).map(|(size, bound)| *size <= bound).collect();
     Hidden {
         force: (0..map.ncols()).map(|c| rounding.total(c)).collect(),
         centrifugal: (0..map.ncols()).map(centrifugal).collect(),
-        is_idle: free.iter().map(|i| rounding.is_idle[topology.island_of(*i)]).collect(),
+        is_idle: free.iter().map(|i| is_idle[topology.island_of(*i)]).collect(),
     }
 }

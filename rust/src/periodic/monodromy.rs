@@ -93,23 +93,22 @@ impl Splitting {
         if wanted.is_empty() {
             return Ok(Vec::new());
         }
-        let parts: Vec<usize> = wanted.to_vec();
         let w0 = problem.base_frequency();
         let top = problem.basis.reach()[0].max(1);
         let coarsest = COARSEST.max((2 * top + 2).next_power_of_two());
-        let mut tables: Vec<Table> = parts.iter().map(|_| Table::default()).collect();
+        let mut tables: Vec<Table> = wanted.iter().map(|_| Table::default()).collect();
         for level in 0..=DOUBLINGS {
             let steps = coarsest << level;
             let tangents = self.tangents(problem, y, level, steps)?;
             self.finest = steps;
-            for (part, table) in parts.iter().zip(&mut tables).filter(|(_, table)| !table.settled) {
+            for (part, table) in wanted.iter().zip(&mut tables).filter(|(_, table)| !table.settled) {
                 self.parts[*part].refine(table, &tangents, steps, w0);
             }
             if tables.iter().all(|table| table.settled) {
                 break;
             }
         }
-        let made = parts.iter().zip(&tables).map(|(part, table)| {
+        let made = wanted.iter().zip(&tables).map(|(part, table)| {
             let part = &self.parts[*part];
             let n = part.own.len();
             let unit = |i: usize| if i < n { 1.0 / part.unit[i] } else { w0 / part.unit[i - n] };

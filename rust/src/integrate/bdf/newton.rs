@@ -85,9 +85,7 @@ impl Corrector for Newton {
             }
             let step = size(w.as_slice()).max(size(w.as_slice()) / (c * speed));
             let rate = step / last;
-            // a kept matrix of rows that have turned leaves (J - J_kept)^T mu, which the next iteration sees
-            let is_seen = fresh || iteration > 1 || !eq.constrained();
-            let near = is_seen && step <= 0.1 * self.solved
+            let near = eq.correction_tells(fresh, iteration) && step <= 0.1 * self.solved
                 || last.is_finite() && rate < 1.0 && step * rate / (1.0 - rate) <= self.solved;
             if near || last.is_finite() && fresh && rate > 0.3 && step < CLOSED_ENOUGH {
                 settle(eq, &known, c, &v, &mut y);

@@ -270,10 +270,8 @@ impl Radau {
             let step = self.size(h, &change.a, (speed, &scales));
             // a first correction says nothing of how fast they shrink
             let rate = if last.is_finite() { step / last } else { self.contraction.max(SLOW) };
-            // kept matrices of rows that have turned leave (J - J_kept)^T dlam, which the next iteration sees
-            let is_seen = fresh || iteration > 1 || !eq.constrained();
             let small = step <= 0.1 * self.solved || rate < 1.0 && step * rate / (1.0 - rate) <= self.solved;
-            let near = is_seen && small;
+            let near = small && eq.correction_tells(fresh, iteration);
             if last.is_finite() && step > CLOSED_ENOUGH {
                 self.contraction = rate;
                 if fresh {
